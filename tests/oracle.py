@@ -1,0 +1,189 @@
+"""The walking QP rebuilt from a recording and its run.json alone, and solved exactly by another solver.
+
+Independent of walkcore on purpose: matrices by stepwise integration, polygons edge by
+edge, quadprog instead of PIQP. What both agree on is the paper's.
+"""
+
+import math
+
+import numpy as np
+import quadprog
+
+STANDING = 0
+
+
+class Oracle:
+    """One run: `parameters` of run.json and the columns of the recording."""
+
+    def __init__(self, parameters, columns):
+        self.p, self.c = parameters, columns
+        self.T, self.dt, self.N = (parameters[k] for k in ("sampling_period", "control_period", "horizon_samples"))
+        self.samples_per_step = round(parameters["step_duration"] / self.T)
+
+    def __getitem__(self, name):
+        return self.c[name]
+
+    def intervals(self, k):
+        ticks = round(self.T / self.dt)
+        first = (ticks - int(self["tick"][k]) % ticks) * self.dt
+        return [first] + [self.T] * (self.N - 1)
+
+    def matrices(self, k):
+        """Velocity and CoP at the samples, as affine functions of the jerks of one axis: by integration."""
+        h_g = self.p["com_height"] / self.p["gravity"]
+        state = np.hstack([np.eye(3), np.zeros((3, self.N))])  # state as a function of (x, u)
+        velocity, cop = [], []
+        for i, T in enumerate(self.intervals(k)):
+            A = np.array([[1, T, T * T / 2], [0, 1, T], [0, 0, 1]])
+            state = A @ state
+            state[:, 3 + i] += [T**3 / 6, T**2 / 2, T]
+            velocity.append(state[1].copy())
+            cop.append(state[0] - h_g * state[2])
+        return np.array(velocity), np.array(cop)
+
+    def supports(self, k):
+        """For each sample: (known centre, foothold it stands on or None, polygon relative to the centre)."""
+        p, margin = self.p, self.p["cop_margin"]
+        side, on_support = int(self["support_side"][k]), int(self["samples_on_support"][k])
+        standing = 0
+        if self["phase"][k] == STANDING:
+            to_first_step = self["time_to_touchdown"][k] - p["step_duration"]
+            standing = round((to_first_step - self.intervals(k)[0]) / self.T) + 1
+        support = np.array([self["support_x"][k], self["support_y"][k]])
+        yaws = [self["support_yaw"][k], self["foothold_yaw"][k], self["foothold2_yaw"][k]]
+        left, right = ([self[f"{f}_x"][k], self[f"{f}_y"][k], self[f"{f}_yaw"][k]] for f in ("left", "right"))
+        found = []
+        for i in range(self.N):
+            if i < standing:
+                middle = (np.array(left[:2]) + right[:2]) / 2
+                corners = np.vstack([self.sole(0, left) - middle, self.sole(1, right) - middle])
+                found.append((middle, None, edges(hull(corners), margin)))
+                continue
+            n = i - standing - on_support
+            step = 0 if n < 0 else 1 + n // self.samples_per_step
+            outline = self.sole((side + step) % 2, (0.0, 0.0, yaws[step]))
+            found.append((support if step == 0 else None, step - 1 if step else None, edges(outline, margin)))
+        return found
+
+    def sole(self, side, place):
+        x, y, yaw = place
+        outline = np.array(self.p["sole"]["polygon"]) * [1, 1 - 2 * side]
+        c, s = math.cos(yaw), math.sin(yaw)
+        return np.array([x, y]) + outline @ np.array([[c, s], [-s, c]])
+
+    def problem(self, k):
+        """P, q, G, h of: minimise 1/2 u'Pu + q'u, G u <= h, with u = (jerk x, foot x, jerk y, foot y)."""
+        p, N = self.p, self.N
+        V, Z = self.matrices(k)
+        supports = self.supports(k)
+        m = max((foot + 1 for _, foot, _ in supports if foot is not None), default=0)
+        n = N + m
+        x = np.array([[self[f"com_{d}{a}"][k] for a in "xy"] for d in ("", "v", "a")])
+        reference = np.array([self["reference_vx"][k], self["reference_vy"][k]])
+        heading = (self["left_yaw"][k] + self["right_yaw"][k]) / 2
+        c, s = math.cos(heading), math.sin(heading)
+        reference = np.array([[c, -s], [s, c]]) @ reference
+
+        P, q = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
+        P[:N, :N] += p["alpha"] * np.eye(N)
+        P[n : n + N, n : n + N] += p["alpha"] * np.eye(N)
+        G, h = [], []
+        for a in (0, 1):
+            at = a * n
+            for i in range(N):
+                row = np.zeros(2 * n)
+                row[at : at + N] = V[i, 3:]
+                P += p["beta"] * np.outer(row, row)
+                q += p["beta"] * row * (V[i, :3] @ x[:, a] - reference[a])
+        relative = []  # CoP minus the centre of its support: rows and offset, for x and y
+        for i, (centre, foot, _) in enumerate(supports):
+            rows, offset = np.zeros((2, 2 * n)), np.zeros(2)
+            for a in (0, 1):
+                rows[a, a * n : a * n + N] = Z[i, 3:]
+                offset[a] = Z[i, :3] @ x[:, a]
+                if foot is None:
+                    offset[a] -= centre[a]
+                else:
+                    rows[a, a * n + N + foot] = -1
+                P += p["gamma"] * np.outer(rows[a], rows[a])
+                q += p["gamma"] * rows[a] * offset[a]
+            relative.append((rows, offset))
+        for (rows, offset), (_, _, polygon) in zip(relative, supports, strict=True):
+            for normal, bound in polygon:
+                G.append(normal @ rows)
+                h.append(bound - normal @ offset)
+        self.foothold_rows(k, m, n, G, h)
+        return P, q, np.array(G), np.array(h), m
+
+    def foothold_rows(self, k, m, n, G, h):
+        p, N, side = self.p, self.N, int(self["support_side"][k])
+        previous, yaws = None, [self["support_yaw"][k], self["foothold_yaw"][k]]
+        for foot in range(m):
+            landing_is_right = (side + foot) % 2 == 0
+            region = np.array(p["foothold_region"]) * [1, -1 if landing_is_right else 1]
+            c, s = math.cos(yaws[foot]), math.sin(yaws[foot])
+            for normal, bound in edges(region @ np.array([[c, s], [-s, c]]), 0.0):
+                row = np.zeros(2 * n)
+                for a in (0, 1):
+                    row[a * n + N + foot] = normal[a]
+                    if previous is not None:
+                        row[a * n + N + previous] = -normal[a]
+                    else:
+                        bound += normal[a] * self["support_" + "xy"[a]][k]
+                G.append(row)
+                h.append(bound)
+            previous = foot
+        if m:
+            swing = ("left", "right")[1 - side]
+            foot = np.array([self[f"{swing}_x"][k], self[f"{swing}_y"][k]])
+            c, s = math.cos(yaws[0]), math.sin(yaws[0])
+            for axis, limit in zip(((c, s), (-s, c)), p["max_foot_speed"], strict=True):
+                for sign in (1, -1):
+                    row = np.zeros(2 * n)
+                    row[N], row[n + N] = sign * axis[0], sign * axis[1]
+                    G.append(row)
+                    h.append(self["time_to_touchdown"][k] * limit + sign * np.dot(axis, foot))
+
+    def footholds(self, k):
+        """The exact optimum's footholds at tick k, shape (m, 2), and the jerks, shape (N, 2)."""
+        P, q, G, h, m = self.problem(k)
+        n = self.N + m
+        scale = np.tile(np.repeat([1.0, 1e3], [self.N, m]), 2)
+        scaled = 1e6 * P * scale * scale[:, None]
+        u = quadprog.solve_qp(scaled, -1e6 * q * scale, -(G * scale).T, -h)[0] * scale
+        axes = u.reshape(2, n)
+        return axes[:, self.N :].T, axes[:, : self.N].T
+
+
+def hull(points):
+    """Corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
+    points = sorted(map(tuple, points))
+
+    def half(sequence):
+        chain = []
+        for point in sequence:
+            while len(chain) > 1 and cross(chain[-2], chain[-1], point) <= 1e-15:
+                chain.pop()
+            chain.append(point)
+        return chain[:-1]
+
+    return np.array(half(points) + half(reversed(points)))
+
+
+def cross(a, b, c):
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def edges(corners, margin):
+    """(outward normal, bound) of each edge of a convex polygon, whichever way round it is listed."""
+    corners = hull(corners)
+    rows = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
+        rows.append((normal, normal @ a - margin))
+    return rows
+
+
+def excess(point, corners, margin=0.0):
+    """How far a point is outside of a convex polygon; negative inside."""
+    return max(normal @ point - bound for normal, bound in edges(corners, margin))

@@ -1,0 +1,27 @@
+"""Online walking motion generation with automatic foot step placement (Herdt et al. 2010)."""
+
+from walkcore.command import Command, Push, Reference
+from walkcore.errors import WalkError
+from walkcore.parameters import Parameters
+from walkcore.recording import Recording, record
+from walkcore.robot import Robot, load_robot, robot_names
+from walkcore.scenario import Scenario, load_scenario, scenario_names
+from walkcore.simulation import Simulation, Snapshot
+
+__all__ = [
+    "Command",
+    "Parameters",
+    "Push",
+    "Recording",
+    "Reference",
+    "Robot",
+    "Scenario",
+    "Simulation",
+    "Snapshot",
+    "WalkError",
+    "load_robot",
+    "load_scenario",
+    "record",
+    "robot_names",
+    "scenario_names",
+]

@@ -1,0 +1,59 @@
+"""What a person, a script or a scenario asks of the robot at one tick."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from walkcore.errors import InvalidValueError
+from walkcore.values import Vector, check_range, read_only
+
+Frame = Literal["robot", "world"]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Velocity asked of the CoM, in the robot's heading frame."""
+
+    vx: float = 0.0
+    """Forward [m/s]."""
+    vy: float = 0.0
+    """To the left [m/s]."""
+    yaw_rate: float = 0.0
+    """Counter-clockwise [rad/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("vx", "vy", "yaw_rate"):
+            object.__setattr__(self, name, check_range(f"reference.{name}", getattr(self, name)))
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the robot is asked to stay where it is."""
+        return self.vx == 0.0 and self.vy == 0.0 and self.yaw_rate == 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Push:
+    """An impulse on the CoM, spread evenly over a duration. The model's velocity changes by impulse / mass."""
+
+    impulse: Vector
+    """[N s], shape (2,)."""
+    duration: float = 0.0
+    """[s]; zero gives the whole impulse in one tick."""
+    frame: Frame = "robot"
+    """Frame of the impulse: the robot's heading when the push begins, or the world."""
+
+    def __post_init__(self) -> None:
+        if len(self.impulse) != 2:
+            raise InvalidValueError("push.impulse", self.impulse, "must have two components")
+        impulse = [check_range(f"push.impulse[{i}]", value) for i, value in enumerate(self.impulse)]
+        object.__setattr__(self, "impulse", read_only(impulse, shape=(2,)))
+        object.__setattr__(self, "duration", check_range("push.duration", self.duration, low=0.0))
+        if self.frame not in ("robot", "world"):
+            raise InvalidValueError("push.frame", self.frame, "must be 'robot' or 'world'")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Command:
+    """The reference that holds at this tick, and a push that begins at it."""
+
+    reference: Reference = field(default_factory=Reference)
+    push: Push | None = None

@@ -1,0 +1,117 @@
+"""Parameters of walking: everything that may be chosen, with the paper's values as defaults."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+from walkcore.errors import InvalidValueError
+from walkcore.lipm import GRAVITY
+from walkcore.values import check_keys, check_range
+
+SCHEMES = ("full",)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Weights, horizon, timing and margins of the walking motion generation."""
+
+    scheme: str = "full"
+    """Which terms the objective has; `full` is (19)."""
+    alpha: float = 1e-6
+    """Weight of the jerk in (19)."""
+    beta: float = 1.0
+    """Weight of the velocity error in (19)."""
+    gamma: float = 1e-6
+    """Weight of the distance from the CoP to the middle of the foot in (19)."""
+    horizon_samples: int = 16
+    """N."""
+    sampling_period: float = 0.1
+    """T, from one sample of the horizon to the next [s]."""
+    control_period: float = 0.005
+    """From one tick to the next [s]; at `sampling_period` the scheme is exactly the paper's."""
+    step_duration: float = 0.8
+    """From one touchdown to the next: double support, then single support [s]."""
+    double_support_duration: float = 0.1
+    """Equal to `sampling_period`, so that no sample falls inside a double support (section 4) [s]."""
+    initial_double_support_duration: float = 0.8
+    """Standing on both feet before the first step, while the CoM sways over the first support [s]."""
+    cop_margin: float = 0.03
+    """Distance kept by the CoP at the samples from the edges of its polygon [m]."""
+    com_height: float | None = None
+    """h, of the CoM above the ground [m]; None takes the robot's own."""
+    swing_height: float = 0.05
+    """Highest point of the sole in the air [m]."""
+    gravity: float = GRAVITY
+    """g [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        if self.scheme not in SCHEMES:
+            raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
+        for name, low, high in (
+            ("alpha", 0.0, 1e3),
+            ("beta", 0.0, 1e3),
+            ("gamma", 0.0, 1e3),
+            ("horizon_samples", 2, 64),
+            ("sampling_period", 0.01, 1.0),
+            ("control_period", 0.001, 1.0),
+            ("step_duration", 0.2, 5.0),
+            ("double_support_duration", 0.01, 1.0),
+            ("initial_double_support_duration", 0.01, 5.0),
+            ("cop_margin", 0.0, 0.2),
+            ("swing_height", 0.0, 0.2),
+            ("gravity", 0.1, 100.0),
+        ):
+            check_range(name, getattr(self, name), low, high)
+        if self.com_height is not None:
+            check_range("com_height", self.com_height, 0.1, 2.0)
+        if self.horizon_samples != int(self.horizon_samples):
+            raise InvalidValueError("horizon_samples", self.horizon_samples, "must be a whole number")
+        if self.alpha == 0.0 and self.beta == 0.0:
+            raise InvalidValueError("alpha", self.alpha, "alpha and beta may not both be zero")
+        self._check_multiple("sampling_period", "control_period")
+        self._check_multiple("step_duration", "sampling_period")
+        self._check_multiple("initial_double_support_duration", "sampling_period")
+        if self.double_support_duration != self.sampling_period:
+            raise InvalidValueError(
+                "double_support_duration", self.double_support_duration, "must equal sampling_period (section 4)"
+            )
+        if self.samples_per_step < 2:
+            raise InvalidValueError("step_duration", self.step_duration, "must be at least two sampling periods")
+
+    def _check_multiple(self, name: str, of: str) -> None:
+        ratio = getattr(self, name) / getattr(self, of)
+        if abs(ratio - round(ratio)) > 1e-9 or round(ratio) < 1:
+            raise InvalidValueError(name, getattr(self, name), f"must be a multiple of {of} = {getattr(self, of):g}")
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> "Parameters":
+        """Parameters of which some are given and the others have their defaults.
+
+        Raises:
+            InvalidValueError: for an unknown name, or a value beyond its limit.
+        """
+        return cls().changed(values)
+
+    def changed(self, values: Mapping[str, Any]) -> "Parameters":
+        """These parameters with some of them replaced; raises as `from_mapping` does."""
+        check_keys("parameters", values, {field.name for field in fields(self)})
+        return replace(self, **values)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain numbers and strings by name."""
+        return asdict(self)
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Control ticks from one sample of the gait's grid to the next."""
+        return round(self.sampling_period / self.control_period)
+
+    @property
+    def samples_per_step(self) -> int:
+        """Samples that one support foot carries."""
+        return round(self.step_duration / self.sampling_period)
+
+    @property
+    def samples_before_first_step(self) -> int:
+        """Samples of the initial double support."""
+        return round(self.initial_double_support_duration / self.sampling_period)

@@ -1,0 +1,138 @@
+"""A robot as the walking motion generation sees it: mass, height, soles, and where its feet may go."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import distribution
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from walkcore.command import Push, Reference
+from walkcore.errors import UnknownNameError
+from walkcore.gait import Footstep, Side
+from walkcore.values import Matrix, Vector, check_range, read_only
+
+ROBOTS = files("walkcore") / "robots"
+
+
+@dataclass(frozen=True, slots=True)
+class BodyModel:
+    """Where the whole body of a robot is described."""
+
+    urdf: Path
+    srdf: Path
+    package_folder: Path
+    """Folder in which the URDF's `package://` addresses start."""
+    posture: str
+    """Name of a reference configuration of the SRDF."""
+    left_sole: str
+    right_sole: str
+    torso: str
+    """Names of the frames that the whole-body control holds."""
+
+    def sole(self, side: Side) -> str:
+        """Name of a foot's sole frame: x forward, origin in the plane of the sole."""
+        return self.left_sole if side is Side.LEFT else self.right_sole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """What `robots/<name>.yaml` says of a robot."""
+
+    name: str
+    mass: float
+    """[kg]."""
+    com_height: float
+    """Of the CoM above the ground [m]."""
+    stance_width: float
+    """Between the sole frames at rest [m]."""
+    sole: Matrix
+    """Outline of the left sole in its own frame [m], shape (V, 2); the right one is its mirror image."""
+    foothold_region: Matrix
+    """Where the left foot may land, in the right foot's frame [m], shape (V, 2); mirrored for the other."""
+    max_foot_speed: Vector
+    """Along x and y of the support foot's frame [m/s], shape (2,): v_max of (30)."""
+    max_com_distance: float
+    """Horizontal, from the CoM to the support foot, beyond which the leg is too short: the robot has fallen [m]."""
+    max_reference: Mapping[str, tuple[float, float]]
+    """Lowest and highest vx, vy [m/s] and yaw_rate [rad/s] that may be asked."""
+    max_push: float
+    """Largest impulse that may be given [N s]."""
+    body: BodyModel | None
+    """None for a robot that is simulated as a point mass with feet."""
+
+    def foot_at_rest(self, side: Side) -> Footstep:
+        """Where a foot stands before the first command: the robot around the origin, facing x."""
+        return Footstep(side, np.array([0.0, side.sign * self.stance_width / 2]), 0.0)
+
+    def check_reference(self, reference: Reference) -> Reference:
+        """The reference, if this robot can be asked for it.
+
+        Raises:
+            InvalidValueError: naming the component, its value and its limits.
+        """
+        for name, (low, high) in self.max_reference.items():
+            check_range(f"reference.{name}", getattr(reference, name), low, high)
+        return reference
+
+    def clamped_reference(self, reference: Reference) -> Reference:
+        """The nearest reference that this robot can be asked for."""
+        limits = self.max_reference
+        return Reference(
+            **{name: min(max(getattr(reference, name), limits[name][0]), limits[name][1]) for name in limits}
+        )
+
+    def check_push(self, push: Push) -> Push:
+        """The push, if it is not stronger than this robot's limit.
+
+        Raises:
+            InvalidValueError: naming the strength and its limit.
+        """
+        check_range("push.impulse", float(np.linalg.norm(push.impulse)), 0.0, self.max_push)
+        check_range("push.duration", push.duration, 0.0, 10.0)
+        return push
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that ship."""
+    return sorted(Path(str(entry)).stem for entry in ROBOTS.iterdir() if str(entry).endswith(".yaml"))
+
+
+def load_robot(name: str) -> Robot:
+    """The robot of that name.
+
+    Raises:
+        UnknownNameError: if there is none.
+    """
+    if name not in robot_names():
+        raise UnknownNameError("robot", name, robot_names())
+    data = yaml.safe_load((ROBOTS / f"{name}.yaml").read_text(encoding="utf-8"))
+    return Robot(
+        name=data["name"],
+        mass=float(data["mass"]),
+        com_height=float(data["com_height"]),
+        stance_width=float(data["stance_width"]),
+        sole=read_only(data["sole"]),
+        foothold_region=read_only(data["foothold_region"]),
+        max_foot_speed=read_only(data["max_foot_speed"], shape=(2,)),
+        max_com_distance=float(data["max_com_distance"]),
+        max_reference={key: (float(low), float(high)) for key, (low, high) in data["max_reference"].items()},
+        max_push=float(data["max_push"]),
+        body=_body_model(data["body"]) if "body" in data else None,
+    )
+
+
+def _body_model(data: Mapping[str, Any]) -> BodyModel:
+    folder = Path(str(distribution(data["package"]).locate_file(data["folder"])))
+    return BodyModel(
+        urdf=folder / data["urdf"],
+        srdf=folder / data["srdf"],
+        package_folder=folder.parent,
+        posture=data["posture"],
+        left_sole=data["left_sole"],
+        right_sole=data["right_sole"],
+        torso=data["torso"],
+    )

@@ -1,0 +1,251 @@
+"""The robot's state and its tick: command in, snapshot out.
+
+The one place of the core that remembers, and the one that decides what a failed
+solve means. The state is the model's own: what the QP plans is what happens.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from walkcore.command import Command, Push, Reference
+from walkcore.errors import InverseKinematicsError, NoSolutionFoundError
+from walkcore.gait import Footstep, Gait, Phase, Side
+from walkcore.lipm import CoMState
+from walkcore.parameters import Parameters
+from walkcore.pattern_generator import PatternGenerator, Plan, Status
+from walkcore.robot import Robot, load_robot
+from walkcore.swing_foot import FootState, standing, swing, swing_height
+from walkcore.values import Vector, read_only, rotation
+from walkcore.whole_body import BodyTarget, WholeBody
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """Everything about one tick, in the world frame: the state that the QP saw, and what it decided."""
+
+    tick: int
+    t: float
+    """[s]."""
+    com: CoMState
+    com_height: float
+    """[m]."""
+    jerk: Vector
+    """Of the CoM over the coming tick [m/s^3], shape (2,)."""
+    cop: Vector
+    """Of the model [m], shape (2,)."""
+    true_cop: Vector | None
+    """From the full inverse dynamics [m], shape (2,); None for a robot without a body."""
+    reference: Reference
+    heading: float
+    """Of the robot [rad]."""
+    phase: Phase
+    support: Footstep
+    """The foot that the QP holds fixed."""
+    samples_on_support: int
+    """Samples of the horizon that the support foot carries alone."""
+    time_to_touchdown: float
+    """[s]."""
+    left_foot: FootState
+    right_foot: FootState
+    push: Vector
+    """Impulse given at this tick [N s], shape (2,)."""
+    status: Status
+    reason: str
+    """What went wrong, where something did."""
+    plan: Plan | None
+    """None once the robot has fallen."""
+    q: Vector | None
+    """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
+
+    @property
+    def feet(self) -> dict[Side, FootState]:
+        """Both soles."""
+        return {Side.LEFT: self.left_foot, Side.RIGHT: self.right_foot}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fall:
+    """Why the robot fell."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PushUnderWay:
+    """What is left of a push."""
+
+    impulse_per_tick: Vector
+    """World frame [N s], shape (2,)."""
+    ticks_left: int
+
+
+NO_IMPULSE = read_only(np.zeros(2))
+
+
+class Simulation:
+    """A robot that walks as it is told, tick by tick. The same commands give the same snapshots."""
+
+    def __init__(self, robot: Robot | None = None, parameters: Parameters | None = None) -> None:
+        """Put the robot at rest on both feet around the origin.
+
+        Args:
+            robot: Talos if none is given.
+            parameters: the paper's if none are given.
+
+        Raises:
+            InverseKinematicsError: if the body cannot stand at the CoM height asked for.
+            EmptyRegionError: if the CoP margin leaves nothing of a sole.
+        """
+        self.robot = load_robot("talos") if robot is None else robot
+        self.parameters = Parameters() if parameters is None else parameters
+        self._generator = PatternGenerator(self.robot, self.parameters)
+        self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to rest at the origin, at tick 0."""
+        self._tick = 0
+        self._gait = Gait(self.parameters)
+        self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
+        middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
+        self._com = CoMState(middle, np.zeros(2), np.zeros(2))
+        self._pushes: tuple[_PushUnderWay, ...] = ()
+        self._fall: _Fall | None = None
+        self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
+        self._q_before = self._q
+
+    @property
+    def com_height(self) -> float:
+        """CoM height h [m]."""
+        return self._generator.com_height
+
+    @property
+    def heading(self) -> float:
+        """Mean yaw of the feet [rad]."""
+        return sum(foot.yaw for foot in self._feet.values()) / 2
+
+    def step(self, command: Command | None = None) -> Snapshot:
+        """Advance by one tick. Never raises for what happens to the robot: `status` tells.
+
+        Args:
+            command: holds for this tick; none asks the robot to stay where it is.
+
+        Returns:
+            The state that the QP saw, after this tick's push, and what it decided.
+        """
+        command = Command() if command is None else command
+        impulse = self._impulse(command.push)
+        self._com = self._com.pushed(impulse / self.robot.mass)
+        plan = self._decide(command.reference)
+        snapshot = self._snapshot(command.reference, impulse, plan)
+        if plan is not None:
+            self._advance(plan)
+        if self._fall is None and self.body is not None:
+            snapshot = self._move_body(self.body, snapshot, impulse)
+        self._tick += 1
+        return snapshot
+
+    def _impulse(self, push: Push | None) -> Vector:
+        """What all pushes under way give at this tick, in the world frame [N s]."""
+        if push is not None:
+            ticks = max(1, round(push.duration / self.parameters.control_period))
+            impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
+            self._pushes += (_PushUnderWay(impulse / ticks, ticks),)
+        total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
+        self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
+        return NO_IMPULSE if self._fall is not None else total
+
+    @property
+    def _support(self) -> Footstep:
+        side = self._gait.support_side(self._tick)
+        return _footstep(side, self._feet[side])
+
+    @property
+    def _swing(self) -> Footstep:
+        side = self._gait.support_side(self._tick).other
+        return _footstep(side, self._feet[side])
+
+    def _decide(self, reference: Reference) -> Plan | None:
+        """The plan of this tick, or none if the robot has fallen."""
+        if self._fall is not None:
+            return None
+        distance = float(np.linalg.norm(self._com.position - self._support.position))
+        if distance > self.robot.max_com_distance:
+            limit = self.robot.max_com_distance
+            self._fall_down(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
+            return None
+        horizon = self._gait.horizon(self._tick)
+        try:
+            return self._generator.plan(self._com, self._support, self._swing, horizon, reference, self.heading)
+        except NoSolutionFoundError as failure:
+            self._fall_down(f"no step can catch the robot: {failure}")
+            return None
+
+    def _fall_down(self, reason: str) -> None:
+        """Stay where the robot is until a reset."""
+        self._fall = _Fall(reason)
+        self._com = CoMState(self._com.position, np.zeros(2), np.zeros(2))
+
+    def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None) -> Snapshot:
+        horizon = self._gait.horizon(self._tick)
+        return Snapshot(
+            tick=self._tick,
+            t=self._tick * self.parameters.control_period,
+            com=self._com,
+            com_height=self.com_height,
+            jerk=NO_IMPULSE if plan is None else read_only(plan.jerks[0]),
+            cop=read_only(self._com.cop(self.com_height, self.parameters.gravity)),
+            true_cop=None,
+            reference=reference,
+            heading=self.heading,
+            phase=self._gait.phase(self._tick),
+            support=self._support,
+            samples_on_support=horizon.nb_samples_on_support,
+            time_to_touchdown=horizon.time_to_touchdown,
+            left_foot=self._feet[Side.LEFT],
+            right_foot=self._feet[Side.RIGHT],
+            push=read_only(impulse),
+            status=Status.FALLEN if plan is None else plan.status,
+            reason=self._fall.reason if self._fall is not None else "",
+            plan=plan,
+            q=self._q,
+        )
+
+    def _advance(self, plan: Plan) -> None:
+        """CoM and feet at the next tick."""
+        p, tick = self.parameters, self._tick
+        if self._gait.phase(tick) is Phase.SINGLE_SUPPORT:
+            side = self._gait.support_side(tick).other
+            foot = swing(
+                self._feet[side],
+                plan.footholds[0],
+                self._gait.time_to_touchdown(tick),
+                p.control_period,
+                self.robot.max_foot_speed,
+                self._support.yaw,
+            )
+            has_landed = self._gait.is_touchdown(tick + 1)
+            height = 0.0 if has_landed else swing_height(self._gait.swing_progress(tick + 1), p.swing_height)
+            self._feet[side] = replace(foot, height=height)
+        self._com = self._com.integrated(plan.jerks[0], p.control_period)
+
+    def _body_target(self) -> BodyTarget:
+        com = np.array([*self._com.position, self.com_height])
+        return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
+
+    def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:
+        """The body follows to the next tick, which tells the true CoP at this one."""
+        before, now, period = self._q_before, self._q, self.parameters.control_period
+        assert before is not None and now is not None
+        try:
+            after = body.follow(now, self._body_target(), period)
+        except InverseKinematicsError as failure:
+            self._fall_down(str(failure))
+            return replace(snapshot, status=Status.FALLEN, reason=str(failure))
+        self._q_before, self._q = now, after
+        return replace(snapshot, true_cop=read_only(body.true_cop(before, now, after, period, impulse / period)))
+
+
+def _footstep(side: Side, foot: FootState) -> Footstep:
+    return Footstep(side, foot.position, foot.yaw)

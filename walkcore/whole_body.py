@@ -1,0 +1,156 @@
+# pyright: basic, reportMissingImports=false
+# (Pinocchio and Pink ship no types)
+"""From CoM, feet and torso to joint angles, and back to the true centre of pressure.
+
+Inverse kinematics: Pink's weighted tasks on Pinocchio, within joint limits. True CoP:
+full inverse dynamics of the motion (`pin.rnea`), where the paper's model (5)-(6)
+neglects what the turning of the body's parts adds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from pink import Configuration, solve_ik
+from pink.exceptions import PinkError
+from pink.tasks import ComTask, FrameTask, PostureTask
+
+from walkcore.errors import InverseKinematicsError
+from walkcore.gait import Side
+from walkcore.robot import BodyModel
+from walkcore.swing_foot import FootState
+from walkcore.values import Vector, read_only
+
+LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of Talos's posture lie on theirs
+TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what is asked of the walk
+MAX_ITERATIONS = 8  # of the inverse kinematics in one tick
+MAX_ERROR = 0.01  # [m] or [rad] beyond which the body has not followed
+SOLE_COST, COM_COST, TORSO_COST, POSTURE_COST = 10.0, 10.0, 1.0, 0.02
+DAMPING = 1e-9  # of the inverse kinematics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyTarget:
+    """What the whole body follows at one tick, in the world frame."""
+
+    com: Vector
+    """[m], shape (3,)."""
+    left_foot: FootState
+    right_foot: FootState
+    heading: float
+    """Yaw of the upright torso [rad]."""
+
+
+class WholeBody:
+    """Kinematics and dynamics of one robot. Holds scratch memory, no state of the walk."""
+
+    def __init__(self, body: BodyModel) -> None:
+        """Load the model of a body."""
+        self.model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        pin.loadReferenceConfigurations(self.model, str(body.srdf), False)
+        has_limit = self.model.upperPositionLimit < 1e20
+        has_limit[:7] = False  # the floating base
+        self.model.lowerPositionLimit[has_limit] += LIMIT_MARGIN
+        self.model.upperPositionLimit[has_limit] -= LIMIT_MARGIN
+        self.posture = read_only(
+            np.where(
+                has_limit,
+                np.clip(
+                    self.model.referenceConfigurations[body.posture],
+                    self.model.lowerPositionLimit + LIMIT_MARGIN,
+                    self.model.upperPositionLimit - LIMIT_MARGIN,
+                ),
+                self.model.referenceConfigurations[body.posture],
+            )
+        )
+        self._data = self.model.createData()
+        self._soles = {
+            side: FrameTask(body.sole(side), position_cost=SOLE_COST, orientation_cost=SOLE_COST) for side in Side
+        }
+        self._com = ComTask(cost=COM_COST)
+        self._torso = FrameTask(body.torso, position_cost=0.0, orientation_cost=TORSO_COST)
+        self._posture = PostureTask(cost=POSTURE_COST)
+        self._posture.set_target(self.posture)
+        self._tasks = [*self._soles.values(), self._com, self._torso, self._posture]
+
+    @property
+    def mass(self) -> float:
+        """Of all links [kg]."""
+        return float(pin.computeTotalMass(self.model))
+
+    def at_rest(self, target: BodyTarget) -> Vector:
+        """A configuration that meets the target, from the robot's posture, shape (nq,).
+
+        Raises:
+            InverseKinematicsError: if there is none.
+        """
+        q = np.array(self.posture)
+        for _ in range(100):
+            q_next = self.follow(q, target, 0.1, tolerated=np.inf)
+            if np.max(np.abs(pin.difference(self.model, q, q_next))) < 1e-7:
+                break
+            q = q_next
+        return self.follow(q, target, 0.1)
+
+    def follow(self, q: Vector, target: BodyTarget, duration: float, tolerated: float = MAX_ERROR) -> Vector:
+        """The configuration that follows the target one tick later, shape (nq,), read-only.
+
+        Args:
+            q: configuration now, in Pinocchio's order, shape (nq,).
+            target: to be met.
+            duration: of the tick, for joint speed limits [s].
+            tolerated: error of CoM or soles that is still a success [m] or [rad].
+
+        Raises:
+            InverseKinematicsError: if CoM or soles stay further away than that.
+        """
+        for side, foot in ((Side.LEFT, target.left_foot), (Side.RIGHT, target.right_foot)):
+            self._soles[side].set_target(sole_placement(foot))
+        self._com.set_target(target.com)
+        self._torso.set_target(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, target.heading), np.zeros(3)))
+
+        configuration = Configuration(self.model, self._data, q, copy_data=False)
+        error = np.inf
+        for _ in range(MAX_ITERATIONS):
+            try:
+                velocity = solve_ik(configuration, self._tasks, duration, solver="quadprog", damping=DAMPING)
+            except PinkError as failure:
+                raise InverseKinematicsError(f"inverse kinematics failed: {failure}") from failure
+            q_next = configuration.integrate(velocity, duration)
+            configuration.update(q_next)
+            error = self._error(configuration)
+            if error < TOLERANCE:
+                break
+        if not error <= tolerated:
+            raise InverseKinematicsError(f"CoM or a sole is {error:.3f} m or rad away from its target")
+        return read_only(configuration.q)
+
+    def _error(self, configuration: Configuration) -> float:
+        """Largest error of the CoM and the soles [m] or [rad]."""
+        tasks = (self._com, *self._soles.values())
+        return max(float(np.max(np.abs(task.compute_error(configuration)))) for task in tasks)
+
+    def true_cop(self, before: Vector, now: Vector, after: Vector, tick: float, push: Vector) -> Vector:
+        """Centre of pressure on the ground of the motion through three configurations [m], shape (2,).
+
+        Args:
+            before: configuration one tick ago, shape (nq,).
+            now: shape (nq,).
+            after: one tick ahead, shape (nq,).
+            tick: [s].
+            push: horizontal force that acts on the CoM from outside [N], shape (2,).
+        """
+        arriving = pin.difference(self.model, before, now) / tick
+        leaving = pin.difference(self.model, now, after) / tick
+        pin.rnea(self.model, self._data, now, (arriving + leaving) / 2, (leaving - arriving) / tick)
+        # Wrench that the ground and the push give the floating base, in the world frame.
+        wrench = self._data.oMi[1].act(self._data.f[1])
+        com = pin.centerOfMass(self.model, self._data, now)
+        force = np.array([*push, 0.0])
+        moment = wrench.angular - np.cross(com, force)
+        return np.array([-moment[1], moment[0]]) / (wrench.linear[2])
+
+
+def sole_placement(foot: FootState) -> pin.SE3:
+    """T_world_sole of a flat foot."""
+    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, foot.yaw), np.array([*foot.position, foot.height]))
