@@ -1,0 +1,75 @@
+"""A real server, started as a user starts it."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+import pytest
+
+WALK = Path(sys.executable).parent / "walk"
+START = 60.0  # [s] a slow machine may take
+
+
+@dataclass
+class Server:
+    """`walk serve` in a process of its own."""
+
+    process: subprocess.Popen
+    output: list[str] = field(default_factory=list)
+    url: str = ""
+
+    @property
+    def host(self) -> str:
+        return self.url.removeprefix("http://").removesuffix("/")
+
+    def client(self) -> httpx.Client:
+        return httpx.Client(base_url=f"{self.url}api/v1/", timeout=30.0)
+
+    def socket_url(self, path: str) -> str:
+        return f"ws://{self.host}/api/v1/live/{path}"
+
+
+def start_server(*options: str) -> Server:
+    """Start a server on a free port, and read its output from then on."""
+    process = subprocess.Popen(
+        [WALK, "serve", "--port", "0", *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    server = Server(process)
+    is_open = threading.Event()
+
+    def read() -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            server.output.append(line)
+            if "http://" in line and line.startswith("walk:"):
+                server.url = line.split()[-1]
+                is_open.set()
+        is_open.set()
+
+    threading.Thread(target=read, daemon=True).start()
+    assert is_open.wait(START) and server.url, f"no address: {server.output}"
+    assert httpx.get(f"{server.url}api/v1/health", timeout=START).status_code == 200
+    return server
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    """One server for the tests of a file."""
+    server = start_server("--scene", "light")
+    yield server
+    server.process.terminate()
+    server.process.wait(10)
+    assert "Traceback" not in "".join(server.output), "".join(server.output)
+
+
+@pytest.fixture
+def api(server: Server) -> Iterator[httpx.Client]:
+    """A client of a robot that stands at its start and runs."""
+    with server.client() as client:
+        client.post("live/reset").raise_for_status()
+        client.post("live/resume").raise_for_status()
+        yield client

@@ -1,0 +1,360 @@
+"""The API as its users meet it: over the socket, with their own clients."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+
+import httpx
+import pytest
+from conftest import WALK, Server, start_server
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+COLUMNS = """
+    tick t com_x com_y com_z com_vx com_vy com_ax com_ay jerk_x jerk_y cop_x cop_y true_cop_x true_cop_y
+    reference_vx reference_vy reference_yaw_rate phase support_side support_x support_y support_yaw
+    samples_on_support foothold_x foothold_y foothold_yaw foothold2_x foothold2_y foothold2_yaw time_to_touchdown
+    left_x left_y left_z left_yaw right_x right_y right_z right_yaw push_x push_y status
+""".split()
+PERIOD = 0.005  # [s]
+FOREIGN = "http://elsewhere.example"
+PATIENCE = 20.0  # [s] on a busy machine
+
+
+def live(api: httpx.Client) -> dict:
+    return json.loads(api.get("live").text, parse_constant=_refuse_constant)
+
+
+def _refuse_constant(name: str) -> None:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def put_json(api: httpx.Client, method: str, path: str, text: str) -> httpx.Response:
+    """Send a body as it is, also where it is not JSON."""
+    return api.request(method, path, content=text, headers={"Content-Type": "application/json"})
+
+
+def test_health_tells_how_the_walk_keeps_up(api):
+    health = api.get("health").json()
+    assert health["robot"] == "talos" and health["tick_rate"] == 200.0
+    assert 0.0 < health["tick_ms"] <= health["tick_ms_max"]
+    assert 50.0 < health["memory_mb"] < 700.0
+    assert health["uptime"] > 0.0 and health["misses"] >= 0 and health["clients"] == 0
+    slow = health["real_time_factor"] < 0.95
+    assert health["status"] == ("degraded" if slow else "ok") and bool(health["reason"]) == slow
+
+
+def test_live_snapshot_has_every_column_and_the_plan(api):
+    api.post("live/pause")
+    api.post("live/reset")
+    state = api.post("live/step", json={"ticks": 300}).json()
+    assert [name for name in COLUMNS if name not in state] == []
+    assert state["tick"] == 300 and state["t"] == pytest.approx(300 * PERIOD)
+    assert state["status"] == 0 and state["reason"] == "" and state["fault"] == ""
+    assert len(state["q"]) == 39
+    assert set(state["timing"]) >= {"tick_ms", "tick_ms_max", "misses", "real_time_factor"}
+    plan = state["plan"]
+    assert len(plan["times"]) == len(plan["com"]) == len(plan["cop"]) == 16
+    first = plan["footholds"][0]
+    assert (first["x"], first["y"], first["yaw"]) == (state["foothold_x"], state["foothold_y"], state["foothold_yaw"])
+    assert first["side"] == 1 - state["support_side"]
+    assert is_inside(first["region"], (first["x"], first["y"]))
+    assert is_inside(plan["support_polygon"], (state["cop_x"], state["cop_y"]))
+
+
+def is_inside(corners: list[list[float]], point: tuple[float, float], tolerance: float = 1e-6) -> bool:
+    """Whether a point lies in a convex polygon whose corners come in order, either way around."""
+    turns = [
+        (bx - ax) * (point[1] - ay) - (by - ay) * (point[0] - ax)
+        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)
+    ]
+    return max(turns) <= tolerance or min(turns) >= -tolerance
+
+
+def test_standing_robot_stands_on_the_hull_of_both_soles(api):
+    api.post("live/pause")
+    state = api.post("live/reset").json()
+    xs, ys = zip(*state["plan"]["support_polygon"], strict=True)
+    assert state["phase"] == 0
+    assert (min(ys), max(ys)) == pytest.approx((state["right_y"] - 0.062, state["left_y"] + 0.062))
+    assert (min(xs), max(xs)) == pytest.approx((-0.111, 0.100))
+
+
+def test_reference_holds_until_another_is_given(api):
+    assert api.put("live/reference", json={"vx": 0.2}).json() == {"vx": 0.2, "vy": 0.0, "yaw_rate": 0.0}
+    wait_for(lambda: live(api)["reference_vx"] == 0.2)
+    start = live(api)["tick"]
+    wait_for(lambda: live(api)["tick"] > start + 200)
+    assert live(api)["reference_vx"] == 0.2 and live(api)["driver"] == "rest"
+    api.put("live/reference", json={})
+    wait_for(lambda: live(api)["reference_vx"] == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "field"),
+    [
+        ("PUT", "live/reference", '{"vx": 1e6}', "vx"),
+        ("PUT", "live/reference", '{"vx": -5}', "vx"),
+        ("PUT", "live/reference", '{"vy": 0.9}', "vy"),
+        ("PUT", "live/reference", '{"vx": NaN}', "vx"),
+        ("PUT", "live/reference", '{"vx": Infinity}', "vx"),
+        ("PUT", "live/reference", '{"vx": 1e999}', "vx"),
+        ("PUT", "live/reference", '{"vx": 1' + "0" * 400 + "}", "vx"),
+        ("PUT", "live/reference", '{"vx": "0.1"}', "vx"),
+        ("PUT", "live/reference", '{"vx": true}', "vx"),
+        ("PUT", "live/reference", '{"vx": null}', "vx"),
+        ("PUT", "live/reference", '{"velocity": 0.1}', "velocity"),
+        ("PUT", "live/reference", "[0.1]", "body"),
+        ("PUT", "live/reference", '{"vx":', "body"),
+        ("PUT", "live/reference", "", "body"),
+        ("POST", "live/push", "{}", "impulse"),
+        ("POST", "live/push", '{"impulse": [0]}', "impulse"),
+        ("POST", "live/push", '{"impulse": [0, 500]}', "impulse"),
+        ("POST", "live/push", '{"impulse": [0, NaN]}', "impulse.1"),
+        ("POST", "live/push", '{"impulse": [1, 1], "duration": -1}', "duration"),
+        ("POST", "live/push", '{"impulse": [1, 1], "duration": 1e9}', "duration"),
+        ("POST", "live/push", '{"impulse": [1, 1], "frame": "moon"}', "frame"),
+        ("POST", "live/push", '{"impulse": [1, 1], "strength": 1}', "strength"),
+        ("POST", "live/step", '{"ticks": 0}', "ticks"),
+        ("POST", "live/step", '{"ticks": 1.5}', "ticks"),
+        ("POST", "live/step", '{"ticks": 1000000}', "ticks"),
+    ],
+)
+def test_bad_input_is_refused_with_field_value_and_limit_and_changes_nothing(api, method, path, body, field):
+    api.post("live/pause")
+    answer = put_json(api, method, path, body)
+    assert answer.status_code == 422
+    refusal = answer.json()
+    assert [set(error) for error in refusal["errors"]] == [{"field", "value", "limit"}]
+    assert refusal["errors"][0]["field"] == field and refusal["errors"][0]["limit"]
+    assert field in refusal["detail"]
+    after = api.post("live/step").json()
+    assert (after["reference_vx"], after["reference_vy"], after["push_x"], after["push_y"]) == (0, 0, 0, 0)
+    assert after["driver"] == "none"
+
+
+def test_refusal_names_the_limits_of_the_robot(api):
+    (talos,) = (robot for robot in api.get("robots").json() if robot["name"] == "talos")
+    high = talos["limits"]["vx"][1]
+    assert api.put("live/reference", json={"vx": high}).status_code == 200
+    (error,) = api.put("live/reference", json={"vx": high + 0.01}).json()["errors"]
+    assert error["value"] == high + 0.01 and f"{high:g}" in error["limit"]
+
+
+@pytest.mark.parametrize(
+    ("frame", "sent"), [("robot", {}), ("robot", {"frame": "robot"}), ("world", {"frame": "world"})]
+)
+def test_push_changes_the_velocity_by_impulse_over_mass(api, frame, sent):
+    (talos,) = (robot for robot in api.get("robots").json() if robot["name"] == "talos")
+    api.post("live/pause")
+    after = {}
+    for is_pushed in (False, True):
+        api.post("live/reset")
+        api.post("live/step", json={"ticks": 240})
+        if is_pushed:
+            api.post("live/push", json={"impulse": [3.0, 9.0], **sent}).raise_for_status()
+        after[is_pushed] = api.post("live/step").json()
+    assert (after[True]["push_x"], after[True]["push_y"]) == pytest.approx((3.0, 9.0))
+    assert after[True]["com_vx"] - after[False]["com_vx"] == pytest.approx(3.0 / talos["mass"])
+    assert after[True]["com_vy"] - after[False]["com_vy"] == pytest.approx(9.0 / talos["mass"])
+    assert api.post("live/step").json()["push_y"] == 0.0
+
+
+def test_pause_holds_time_and_step_takes_ticks(api):
+    paused = api.post("live/pause").json()
+    assert paused["running"] is False
+    time.sleep(0.1)
+    assert live(api)["tick"] == paused["tick"]
+    assert api.post("live/step").json()["tick"] == paused["tick"] + 1
+    assert api.post("live/step", json={"ticks": 40}).json()["tick"] == paused["tick"] + 41
+    assert live(api)["tick"] == paused["tick"] + 41
+    assert api.post("live/resume").json()["running"] is True
+    wait_for(lambda: live(api)["tick"] > paused["tick"] + 60)
+
+
+def test_step_is_refused_while_the_robot_runs(api):
+    answer = api.post("live/step", json={"ticks": 5})
+    assert answer.status_code == 409 and "pause" in answer.json()["detail"]
+
+
+def test_reset_puts_the_robot_back_with_nothing_asked(api):
+    first = api.post("live/reset").json()
+    api.put("live/reference", json={"vx": 0.2})
+    wait_for(lambda: live(api)["com_x"] > 0.05)
+    api.post("live/pause")
+    back = api.post("live/reset").json()
+    assert back["tick"] == 0 and back["running"] is False and back["driver"] == "none"
+    for name in ("t", *COLUMNS[2:]):
+        assert back[name] == first[name], name
+
+
+def test_same_commands_at_the_same_ticks_give_the_same_snapshots(api):
+    def walk() -> dict:
+        api.post("live/reset")
+        api.put("live/reference", json={"vx": 0.15, "vy": 0.05})
+        api.post("live/step", json={"ticks": 200})
+        api.post("live/push", json={"impulse": [0.0, 8.0]})
+        state = api.post("live/step", json={"ticks": 150}).json()
+        return {name: value for name, value in state.items() if name != "timing"}
+
+    api.post("live/pause")
+    assert walk() == walk()
+
+
+def test_simulated_time_advances_and_never_outruns_real_time(api):
+    def reading() -> tuple[float, float]:
+        before = time.monotonic()
+        t = live(api)["t"]
+        return t, before
+
+    t0, real0 = reading()
+    time.sleep(2.0)
+    t1, real1 = reading()
+    assert 0.0 < t1 - t0 <= real1 - real0 + 0.1
+    assert api.get("health").json()["real_time_factor"] <= 1.02
+
+
+def test_joystick_is_clamped_and_counts_as_let_go_when_it_falls_silent(api, server):
+    (talos,) = (robot for robot in api.get("robots").json() if robot["name"] == "talos")
+    with connect(server.socket_url("teleop")) as joystick:
+        joystick.send('{"reference": {"vx": 1e9, "vy": -1e9}}')
+        wait_for(lambda: live(api)["driver"] == "joystick")
+        joystick.send('{"reference": {"vx": 1e9, "vy": -1e9}}')
+        state = live(api)
+        assert (state["reference_vx"], state["reference_vy"]) == (talos["limits"]["vx"][1], talos["limits"]["vy"][0])
+        wait_for(lambda: live(api)["driver"] == "none")
+    state = live(api)
+    assert (state["reference_vx"], state["reference_vy"]) == (0.0, 0.0)
+
+
+def test_the_last_one_touched_drives(api, server):
+    with connect(server.socket_url("teleop")) as joystick:
+        joystick.send('{"reference": {"vx": 0.1}}')
+        wait_for(lambda: live(api)["driver"] == "joystick")
+        api.put("live/reference", json={"vx": 0.05})
+        wait_for(lambda: live(api)["driver"] == "rest")
+    time.sleep(0.6)  # longer than a joystick lasts
+    assert live(api)["reference_vx"] == 0.05
+
+
+def test_joystick_push_is_clamped_to_the_strongest_there_is(api, server):
+    api.post("live/pause")
+    with connect(server.socket_url("teleop")) as joystick:
+        joystick.send('{"push": {"impulse": [300.0, -400.0]}}')
+        joystick.send("{}x")
+        joystick.recv(PATIENCE)  # the refusal of what came after: the push has arrived
+        state = api.post("live/step").json()
+    assert (state["push_x"], state["push_y"]) == pytest.approx((36.0, -48.0))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "nonsense",
+        '{"reference": {"vx": NaN}}',
+        '{"reference": {"vx": "0.1"}}',
+        '{"refrence": {"vx": 0.1}}',
+        '{"reference": {"vx": 0.1}, "push": {"impulse": [1, 1], "duration": 1e9}}',
+        '{"push": {"impulse": [0, 1e999]}}',
+        " " * 5000 + '{"reference": {"vx": 0.1}}',
+        b'{"reference": {"vx": 0.1}}',
+    ],
+)
+def test_bad_joystick_message_is_answered_and_changes_nothing(api, server, message):
+    with connect(server.socket_url("teleop")) as joystick:
+        joystick.send(message)
+        assert set(json.loads(joystick.recv(PATIENCE))) == {"error"}
+        assert live(api)["driver"] == "none"
+        joystick.send('{"reference": {"vx": 0.1}}')
+        wait_for(lambda: live(api)["driver"] == "joystick")
+
+
+def test_message_that_is_far_too_long_ends_the_connection(server):
+    with connect(server.socket_url("teleop")) as joystick:
+        joystick.send("x" * 1_000_000)
+        with pytest.raises(ConnectionClosed):
+            joystick.recv(PATIENCE)
+
+
+def test_stream_sends_what_the_snapshot_route_tells(api, server):
+    with connect(server.socket_url("stream?rate=30")) as stream:
+        first, second = (json.loads(stream.recv(PATIENCE), parse_constant=_refuse_constant) for _ in range(2))
+        assert set(first) == set(live(api))
+        assert second["tick"] > first["tick"]
+        assert api.get("health").json()["clients"] == 1
+    wait_for(lambda: api.get("health").json()["clients"] == 0)
+
+
+@pytest.mark.parametrize("rate", ["0", "-1", "1000", "nan", "inf", "fast"])
+def test_stream_refuses_impossible_rates(server, rate):
+    with pytest.raises(InvalidStatus), connect(server.socket_url(f"stream?rate={rate}")):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [("PUT", "live/reference"), ("POST", "live/push"), *(("POST", f"live/{verb}") for verb in ("pause", "resume"))],
+)
+def test_page_of_another_origin_cannot_drive(api, server, method, path):
+    body = {"impulse": [0, 1]} if path == "live/push" else {}
+    for origin in (FOREIGN, "null", f"http://{server.host}.elsewhere.example"):
+        answer = api.request(method, path, json=body, headers={"Origin": origin})
+        assert answer.status_code == 403 and answer.json()["detail"]
+    assert live(api)["running"] is True and live(api)["driver"] == "none"
+    assert api.request(method, path, json=body, headers={"Origin": f"http://{server.host}"}).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["api/v1/live/teleop", "api/v1/live/stream", "viewer"])
+def test_page_of_another_origin_gets_no_websocket(server, path):
+    address = f"ws://{server.host}/{path}"
+    with pytest.raises(InvalidStatus) as refusal, connect(address, origin=FOREIGN):
+        pass
+    assert refusal.value.response.status_code == 403
+
+
+def test_every_refusal_has_the_same_shape(api):
+    for answer in (api.get("nowhere"), api.delete("live"), api.post("live/step"), api.put("live/reference", json=[])):
+        assert answer.status_code >= 400 and set(answer.json()) == {"detail", "errors"}
+
+
+def test_documentation_lists_every_route(server):
+    assert httpx.get(f"{server.url}docs").status_code == 200
+    paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
+    verbs = ("reference", "push", "pause", "resume", "step", "reset")
+    expected = {"/api/v1/health", "/api/v1/robots", "/api/v1/live", *(f"/api/v1/live/{verb}" for verb in verbs)}
+    assert set(paths) == expected
+
+
+def test_port_that_is_taken_is_one_line_and_exit_code_1(server):
+    port = server.host.rpartition(":")[2]
+    outcome = subprocess.run([WALK, "serve", "--port", port], capture_output=True, text=True, timeout=60)
+    assert outcome.returncode == 1 and outcome.stdout == ""
+    assert len(outcome.stderr.splitlines()) == 1 and port in outcome.stderr
+
+
+@pytest.mark.parametrize(("name", "value"), [("ROBOT", "asimo"), ("PORT", "none"), ("PORT", "99999")])
+def test_wrong_setting_is_one_line_and_exit_code_2(name, value):
+    environment = os.environ | {"PORT": "0", name: value}
+    outcome = subprocess.run([WALK, "serve"], capture_output=True, text=True, timeout=60, env=environment)
+    assert outcome.returncode == 2
+    assert len(outcome.stderr.splitlines()) == 1 and value in outcome.stderr
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_server_stops_at_once_though_somebody_watches(how):
+    server: Server = start_server("--robot", "hrp2")
+    with connect(server.socket_url("stream")) as stream:
+        stream.recv(PATIENCE)
+        server.process.send_signal(how)
+        server.process.wait(10.0)
+    assert "Traceback" not in "".join(server.output) and "ERROR" not in "".join(server.output)

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracle import edges
+
+from walkcore.errors import EmptyRegionError
+from walkcore.gait import Footstep, Side
+from walkcore.regions import box, foothold_vertices, polygon, sole_vertices
+from walkcore.robot import load_robot
+
+coordinates = st.floats(-1.0, 1.0)
+points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8)
+yaws = st.floats(-np.pi, np.pi)
+
+
+@given(points, coordinates, coordinates)
+def test_half_planes_are_the_convex_hull(vertices, x, y):
+    try:
+        planes = polygon(vertices)
+    except EmptyRegionError:
+        return
+    if np.min(np.ptp(np.array(vertices), axis=0)) < 1e-3:
+        return  # slivers: the two hulls disagree about what is still an edge
+    outside = max(normal @ [x, y] - bound for normal, bound in edges(vertices, 0.0))
+    assert planes.excess([x, y]) == pytest.approx(outside, abs=1e-6) or abs(outside) < 1e-6
+
+
+@given(yaws, coordinates, coordinates)
+def test_turning_a_polygon_turns_its_points(yaw, x, y):
+    sole = polygon(load_robot("talos").sole)
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned = np.array([[c, -s], [s, c]]) @ [x, y]
+    assert sole.rotated(yaw).excess(turned) == pytest.approx(sole.excess([x, y]), abs=1e-12)
+
+
+def test_opposite_edges_share_a_row():
+    assert len(polygon(load_robot("talos").sole).normals) == 2
+
+
+def test_a_margin_moves_every_edge_inwards():
+    sole = polygon(load_robot("talos").sole)
+    assert sole.inset(0.03).excess([0.0, 0.0]) == pytest.approx(sole.excess([0.0, 0.0]) + 0.03)
+
+
+def test_a_margin_wider_than_the_sole_is_refused():
+    with pytest.raises(EmptyRegionError):
+        polygon(load_robot("talos").sole).inset(0.07)
+
+
+@pytest.mark.parametrize("vertices", [[], [[0, 0]], [[0, 0], [1, 1]], [[0, 0], [1, 1], [2, 2]]])
+def test_points_without_area_are_refused(vertices):
+    with pytest.raises(EmptyRegionError):
+        polygon(vertices)
+
+
+def test_the_right_foot_lands_on_the_right():
+    region = load_robot("talos").foothold_region
+    assert np.all(foothold_vertices(region, Side.LEFT)[:, 1] > 0)
+    assert np.all(foothold_vertices(region, Side.RIGHT)[:, 1] < 0)
+
+
+def test_a_sole_turns_with_its_foot():
+    outline = np.array([[0.1, 0.05], [-0.1, 0.05], [-0.1, -0.04]])
+    foot = Footstep(Side.LEFT, np.array([1.0, 2.0]), np.pi / 2)
+    assert np.allclose(sole_vertices(outline, foot)[0], [0.95, 2.1])
+    mirrored = sole_vertices(outline, Footstep(Side.RIGHT, np.zeros(2), 0.0))
+    assert np.allclose(mirrored[2], [-0.1, 0.04])
+
+
+def test_box_is_bounded_on_all_sides():
+    assert box([1.0, 2.0]).excess([1.5, 0.0]) == pytest.approx(0.5)
+    assert box([1.0, 2.0]).excess([0.0, -2.5]) == pytest.approx(0.5)

@@ -1,0 +1,158 @@
+import math
+
+import numpy as np
+import pytest
+
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.errors import InvalidValueError
+from walkcore.gait import Side
+from walkcore.pattern_generator import Status
+from walkcore.recording import row
+
+HRP2 = load_robot("hrp2")
+
+
+def walk(simulation, seconds, reference, push=None):
+    """The snapshots of a walk; the push comes first."""
+    nb_ticks = round(seconds / simulation.parameters.control_period)
+    return [simulation.step(Command(reference, push if tick == 0 else None)) for tick in range(nb_ticks)]
+
+
+@pytest.mark.parametrize("robot", ["hrp2", "talos"])
+def test_the_same_commands_give_the_same_bytes(robot):
+    rng = np.random.default_rng(3)
+    commands = [Command(Reference(vx=rng.uniform(0, 0.3)), Push([3.0, 1.0]) if i == 150 else None) for i in range(300)]
+
+    def bytes_of(simulation):
+        snapshots = [simulation.step(command) for command in commands]
+        rows = np.array([list(row(s).values()) for s in snapshots])
+        return rows.tobytes() + b"".join(s.q.tobytes() for s in snapshots if s.q is not None)
+
+    simulation = Simulation(load_robot(robot))
+    first = bytes_of(simulation)
+    simulation.reset()
+    assert bytes_of(simulation) == first
+    assert bytes_of(Simulation(load_robot(robot))) == first
+
+
+@pytest.mark.parametrize("control_period", [0.005, 0.02, 0.1])
+def test_the_robot_walks_at_the_speed_asked(control_period):
+    simulation = Simulation(HRP2, Parameters(control_period=control_period))
+    start = walk(simulation, 4.0, Reference(vx=0.3))[-1]
+    end = walk(simulation, 4.8, Reference(vx=0.3))[-1]
+    assert (end.com.position[0] - start.com.position[0]) / 4.8 == pytest.approx(0.3, rel=0.02)
+
+
+def test_a_new_reference_is_answered_within_one_tick():
+    asked, idle = Simulation(HRP2), Simulation(HRP2)
+    walk(asked, 2.0 + 0.015, Reference())
+    walk(idle, 2.0 + 0.015, Reference())
+    assert asked.step(Command(Reference(vx=0.3))).jerk[0] > idle.step(Command(Reference())).jerk[0] + 1.0
+
+
+def test_an_impulse_changes_the_velocity_by_impulse_over_mass():
+    pushed, idle = Simulation(HRP2), Simulation(HRP2)
+    walk(pushed, 2.0, Reference())
+    walk(idle, 2.0, Reference())
+    with_push, without = pushed.step(Command(push=Push([5.6, -2.8]))), idle.step(Command())
+    assert np.allclose(with_push.com.velocity - without.com.velocity, [0.1, -0.05])
+    assert np.array_equal(with_push.push, [5.6, -2.8])
+
+
+def test_a_long_push_gives_its_impulse_over_its_duration():
+    simulation = Simulation(HRP2)
+    given = [s.push for s in walk(simulation, 0.5, Reference(), Push([2.0, 1.0], duration=0.1))]
+    assert np.allclose(np.sum(given, axis=0), [2.0, 1.0])
+    assert np.count_nonzero(np.any(given, axis=1)) == 20
+
+
+def test_pushes_overlap():
+    simulation = Simulation(HRP2)
+    simulation.step(Command(push=Push([1.0, 0.0], duration=0.1)))
+    given = [s.push for s in walk(simulation, 0.5, Reference(), Push([0.0, 2.0], duration=0.05))]
+    assert np.allclose(np.sum(given, axis=0), [0.95, 2.0])
+
+
+def test_a_shove_that_no_step_can_catch_is_a_fall_that_is_told_and_stays():
+    simulation = Simulation(HRP2)
+    walk(simulation, 2.4, Reference())
+    snapshots = walk(simulation, 4.0, Reference(), Push([0.0, 60.0]))
+    fallen = [s for s in snapshots if s.status is Status.FALLEN]
+    assert fallen
+    assert all(s.reason for s in fallen)
+    assert snapshots[-1].status is Status.FALLEN
+    assert np.array_equal(snapshots[-1].com.position, fallen[1].com.position)
+    for s in snapshots:
+        assert all(math.isfinite(v) for name, v in row(s).items() if not name.startswith(("foothold", "true_cop")))
+    simulation.reset()
+    assert walk(simulation, 2.0, Reference())[-1].status is Status.SOLVED
+    assert simulation.step().tick == 400
+
+
+def test_a_fallen_body_keeps_its_last_configuration():
+    simulation = Simulation(load_robot("talos"), Parameters(control_period=0.02))
+    snapshots = walk(simulation, 5.0, Reference(), Push([0.0, 60.0]))
+    assert snapshots[-1].status is Status.FALLEN
+    assert np.all(np.isfinite(snapshots[-1].q))
+    assert np.array_equal(snapshots[-1].q, snapshots[-2].q)
+
+
+def test_random_walks_never_fall_nor_break_a_rule():
+    simulation = Simulation(HRP2, Parameters(control_period=0.05))
+    rng = np.random.default_rng(0)
+    limits = HRP2.max_reference
+    for _ in range(60):
+        reference = Reference(
+            **{name: rng.choice([low, 0.0, high, rng.uniform(low, high)]) for name, (low, high) in limits.items()}
+        )
+        for snapshot in walk(simulation, rng.uniform(0.1, 3.0), reference):
+            assert snapshot.status is Status.SOLVED
+            assert simulation.robot.max_com_distance > np.linalg.norm(snapshot.com.position - snapshot.support.position)
+
+
+def test_planned_footholds_alternate_from_the_support():
+    simulation = Simulation(HRP2)
+    plan = walk(simulation, 1.2, Reference())[-1].plan
+    assert [foot.side for foot in plan.footholds] == [Side.RIGHT, Side.LEFT]
+
+
+def test_a_plan_starts_where_the_robot_is():
+    simulation = Simulation(HRP2)
+    for before in walk(simulation, 3.0, Reference(vx=0.2)):
+        after_one_sample = before.com.integrated(before.plan.jerks[0], before.plan.times[0])
+        assert np.allclose(before.plan.com[0], after_one_sample.position)
+        assert np.allclose(before.plan.cop[0], after_one_sample.cop(before.com_height, 9.81))
+
+
+@pytest.mark.parametrize(
+    ("build", "field"),
+    [
+        (lambda: Reference(vx=math.nan), "reference.vx"),
+        (lambda: Reference(vy=math.inf), "reference.vy"),
+        (lambda: Reference(yaw_rate="fast"), "reference.yaw_rate"),
+        (lambda: Push([0.0, math.nan]), "push.impulse[1]"),
+        (lambda: Push([0.0]), "push.impulse"),
+        (lambda: Push([0.0, 1.0], duration=-1.0), "push.duration"),
+        (lambda: Push([0.0, 1.0], frame="moon"), "push.frame"),
+        (lambda: Parameters(alpha=-1.0), "alpha"),
+        (lambda: Parameters(scheme="magic"), "scheme"),
+        (lambda: Parameters(control_period=0.03), "sampling_period"),
+        (lambda: Parameters(step_duration=0.85), "step_duration"),
+        (lambda: Parameters(double_support_duration=0.2), "double_support_duration"),
+        (lambda: Parameters(horizon_samples=16.5), "horizon_samples"),
+        (lambda: Parameters.from_mapping({"alhpa": 1.0}), "parameters.alhpa"),
+        (lambda: HRP2.check_reference(Reference(vx=5.0)), "reference.vx"),
+        (lambda: HRP2.check_push(Push([1e3, 0.0])), "push.impulse"),
+    ],
+)
+def test_bad_input_is_refused_with_its_field(build, field):
+    with pytest.raises(InvalidValueError) as refused:
+        build()
+    assert refused.value.field == field
+    assert refused.value.limit
+
+
+def test_clamping_brings_a_reference_within_the_limits():
+    clamped = HRP2.clamped_reference(Reference(vx=9.0, vy=-9.0, yaw_rate=0.0))
+    assert HRP2.check_reference(clamped) == clamped
+    assert clamped.vx == HRP2.max_reference["vx"][1]
