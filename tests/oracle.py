@@ -18,7 +18,6 @@ class Oracle:
     def __init__(self, parameters, columns):
         self.p, self.c = parameters, columns
         self.T, self.dt, self.N = (parameters[k] for k in ("sampling_period", "control_period", "horizon_samples"))
-        self.samples_per_step = round(parameters["step_duration"] / self.T)
 
     def __getitem__(self, name):
         return self.c[name]
@@ -41,28 +40,51 @@ class Oracle:
             cop.append(state[0] - h_g * state[2])
         return np.array(velocity), np.array(cop)
 
+    def stances(self, k):
+        """What carries each sample of tick k: "pair" (the feet where they are), or the number of a foothold, or both
+        ("after", number) where that foothold and the one that ends a stop stand side by side."""
+        first = self.intervals(k)[0]
+        if math.isnan(self["time_to_touchdown"][k]):
+            return ["pair"] * self.N
+        steps_left = int(self["steps_to_stand"][k])
+        step_start = self["time_to_touchdown"][k] - self.p["step_duration"]  # of the step under way or to come
+        found = []
+        for i in range(self.N):
+            t = first + i * self.T
+            step = math.floor((t - step_start - 1e-6) / self.p["step_duration"])
+            if step < 0:
+                found.append("pair")
+            elif 0 <= steps_left <= step:
+                found.append(("after", steps_left - 1))
+            else:
+                found.append(step)
+        assert self["samples_on_support"][k] == sum(stance == 0 for stance in found)
+        return found
+
     def supports(self, k):
-        """For each sample: (known centre, foothold it stands on or None, polygon relative to the centre)."""
+        """For each sample: (known centre or offset, foothold it stands on or None, polygon relative to the centre)."""
         p, margin = self.p, self.p["cop_margin"]
-        side, on_support = int(self["support_side"][k]), int(self["samples_on_support"][k])
-        standing = 0
-        if self["phase"][k] == STANDING:
-            to_first_step = self["time_to_touchdown"][k] - p["step_duration"]
-            standing = round((to_first_step - self.intervals(k)[0]) / self.T) + 1
+        side = int(self["support_side"][k])
         support = np.array([self["support_x"][k], self["support_y"][k]])
         yaws = [self["support_yaw"][k], self["foothold_yaw"][k], self["foothold2_yaw"][k]]
         left, right = ([self[f"{f}_x"][k], self[f"{f}_y"][k], self[f"{f}_yaw"][k]] for f in ("left", "right"))
         found = []
-        for i in range(self.N):
-            if i < standing:
+        for stance in self.stances(k):
+            if stance == "pair":
                 middle = (np.array(left[:2]) + right[:2]) / 2
                 corners = np.vstack([self.sole(0, left) - middle, self.sole(1, right) - middle])
-                found.append((middle, None, edges(hull(corners), margin)))
+                found.append((middle, None, edges(corners, margin)))
                 continue
-            n = i - standing - on_support
-            step = 0 if n < 0 else 1 + n // self.samples_per_step
-            outline = self.sole((side + step) % 2, (0.0, 0.0, yaws[step]))
-            found.append((support if step == 0 else None, step - 1 if step else None, edges(outline, margin)))
+            stands_on_both, step = (True, stance[1]) if isinstance(stance, tuple) else (False, stance)
+            foot_side, yaw = (side + step) % 2, yaws[step]
+            outline, offset = self.sole(foot_side, (0.0, 0.0, yaw)), np.zeros(2)
+            if stands_on_both:
+                across = p["stance_width"] * (-1 if foot_side == 0 else 1)
+                to_other = across * np.array([-math.sin(yaw), math.cos(yaw)])
+                other = self.sole(1 - foot_side, (*to_other, yaw))
+                outline, offset = np.vstack([outline, other]) - to_other / 2, to_other / 2
+            centre = support + offset if step == 0 else offset
+            found.append((centre, step - 1 if step else None, edges(outline, margin)))
         return found
 
     def sole(self, side, place):
@@ -79,10 +101,11 @@ class Oracle:
         m = max((foot + 1 for _, foot, _ in supports if foot is not None), default=0)
         n = N + m
         x = np.array([[self[f"com_{d}{a}"][k] for a in "xy"] for d in ("", "v", "a")])
-        reference = np.array([self["reference_vx"][k], self["reference_vy"][k]])
         heading = (self["left_yaw"][k] + self["right_yaw"][k]) / 2
-        c, s = math.cos(heading), math.sin(heading)
-        reference = np.array([[c, -s], [s, c]]) @ reference
+        times = np.cumsum(self.intervals(k))
+        c, s = (f(heading + self["reference_yaw_rate"][k] * times) for f in (np.cos, np.sin))
+        vx, vy = self["reference_vx"][k], self["reference_vy"][k]
+        reference = np.column_stack([c * vx - s * vy, s * vx + c * vy])
 
         P, q = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
         P[:N, :N] += p["alpha"] * np.eye(N)
@@ -94,16 +117,14 @@ class Oracle:
                 row = np.zeros(2 * n)
                 row[at : at + N] = V[i, 3:]
                 P += p["beta"] * np.outer(row, row)
-                q += p["beta"] * row * (V[i, :3] @ x[:, a] - reference[a])
+                q += p["beta"] * row * (V[i, :3] @ x[:, a] - reference[i, a])
         relative = []  # CoP minus the centre of its support: rows and offset, for x and y
         for i, (centre, foot, _) in enumerate(supports):
             rows, offset = np.zeros((2, 2 * n)), np.zeros(2)
             for a in (0, 1):
                 rows[a, a * n : a * n + N] = Z[i, 3:]
-                offset[a] = Z[i, :3] @ x[:, a]
-                if foot is None:
-                    offset[a] -= centre[a]
-                else:
+                offset[a] = Z[i, :3] @ x[:, a] - centre[a]
+                if foot is not None:
                     rows[a, a * n + N + foot] = -1
                 P += p["gamma"] * np.outer(rows[a], rows[a])
                 q += p["gamma"] * rows[a] * offset[a]

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,13 @@ PAPER = Parameters(control_period=0.1)
 FAST = Parameters(control_period=0.005)
 
 
+def walking(parameters):
+    """A gait whose first step begins after the initial double support."""
+    return Gait(parameters, start=parameters.samples_before_first_step)
+
+
 def test_samples_per_step_are_eight():
-    horizon = Gait(PAPER).horizon(8)  # the first step's first tick
+    horizon = walking(PAPER).horizon(8)  # the first step's first tick
     assert horizon.nb_samples_on_support == 8
     assert horizon.nb_footholds == 1
     assert np.array_equal(horizon.support_selection, [1.0] * 8 + [0.0] * 8)
@@ -17,7 +24,7 @@ def test_samples_per_step_are_eight():
 
 
 def test_one_sample_later_a_second_foothold_appears():
-    horizon = Gait(PAPER).horizon(9)
+    horizon = walking(PAPER).horizon(9)
     assert horizon.nb_samples_on_support == 7
     assert horizon.nb_footholds == 2
     assert np.array_equal(horizon.foothold_selection[-2:], [[1.0, 0.0], [0.0, 1.0]])
@@ -25,7 +32,7 @@ def test_one_sample_later_a_second_foothold_appears():
 
 @pytest.mark.parametrize("parameters", [PAPER, FAST])
 def test_every_sample_has_exactly_one_support(parameters):
-    gait = Gait(parameters)
+    gait = walking(parameters)
     for tick in range(0, 40 * parameters.ticks_per_sample, 3):
         horizon = gait.horizon(tick)
         total = horizon.support_selection + horizon.foothold_selection.sum(axis=1)
@@ -33,26 +40,26 @@ def test_every_sample_has_exactly_one_support(parameters):
 
 
 def test_the_first_interval_shrinks_from_a_period_to_one_tick_and_back():
-    assert [Gait(FAST).horizon(tick).ticks_to_sample for tick in (0, 1, 19, 20, 21)] == [20, 19, 1, 20, 19]
+    assert [walking(FAST).horizon(tick).ticks_to_sample for tick in (0, 1, 19, 20, 21)] == [20, 19, 1, 20, 19]
 
 
 def test_samples_of_all_ticks_between_two_grid_points_have_the_same_supports():
-    gait = Gait(FAST)
+    gait = walking(FAST)
     on_grid = gait.horizon(180)
     for tick in range(181, 200):
         assert np.array_equal(gait.horizon(tick).foot, on_grid.foot)
 
 
 def test_no_sample_falls_inside_a_double_support():
-    gait = Gait(FAST)
+    gait = walking(FAST)
     for sample in range(8, 60):
         before, after = gait.phase(20 * sample - 1), gait.phase(20 * sample)
         assert Phase.SINGLE_SUPPORT in (before, after) or sample == 8
 
 
 def test_feet_alternate_and_land_when_said():
-    gait = Gait(FAST)
-    landings = [tick for tick in range(2000) if gait.is_touchdown(tick)]
+    gait = walking(FAST)
+    landings = [tick for tick in range(1, 2000) if gait.support_side(tick) != gait.support_side(tick - 1)]
     assert np.array_equal(np.diff(landings), [160] * (len(landings) - 1))
     for tick in landings:
         assert gait.support_side(tick) == gait.support_side(tick - 1).other
@@ -62,7 +69,7 @@ def test_feet_alternate_and_land_when_said():
 
 
 def test_the_walk_starts_standing_on_both_feet():
-    gait = Gait(PAPER)
+    gait = walking(PAPER)
     assert [gait.phase(tick) for tick in (0, 7, 8, 9, 15, 16)] == [
         Phase.STANDING,
         Phase.STANDING,
@@ -73,3 +80,31 @@ def test_the_walk_starts_standing_on_both_feet():
     ]
     assert gait.support_side(0) is Side.LEFT
     assert np.array_equal(gait.horizon(0).is_on_both, [True] * 8 + [False] * 8)
+
+
+def test_a_stand_has_no_end_until_a_walk_is_asked_for():
+    stand = Gait(FAST)
+    assert stand.phase(10_000) is Phase.STANDING
+    assert math.isnan(stand.time_to_touchdown(10_000))
+    assert stand.horizon(10_000).is_on_both.all()
+    assert stand.choices(100, wants_to_walk=False, first_support=Side.LEFT)[0] == stand
+    walk = stand.choices(100, wants_to_walk=True, first_support=Side.RIGHT)[0]
+    assert (walk.start, walk.first_support, walk.nb_steps) == (5 + 8, Side.RIGHT, None)
+    assert walk.choices(200, wants_to_walk=True, first_support=Side.LEFT)[0] == walk
+    assert walk.choices(200, wants_to_walk=False, first_support=Side.LEFT)[0].start is None
+
+
+def test_a_stop_takes_one_free_step_and_one_that_aligns_the_feet():
+    walk = walking(FAST)
+    tick = 160 + 50  # in the first step
+    stop = walk.choices(tick, wants_to_walk=False, first_support=Side.LEFT)[0]
+    assert stop.nb_steps == 2
+    assert stop.horizon(tick).nb_footholds == 1
+    assert np.array_equal(stop.horizon(tick).is_on_both, [False] * 14 + [True] * 2)
+    horizon = stop.horizon(160 + 2 * 160 - 1)
+    assert horizon.is_stopping
+    assert horizon.nb_footholds == 0
+    assert np.array_equal(horizon.is_on_both, [False] + [True] * 15)
+    assert not stop.has_ended(160 + 2 * 160 - 1)
+    assert stop.has_ended(160 + 2 * 160)
+    assert stop.choices(tick + 20, wants_to_walk=True, first_support=Side.LEFT) == (walk,)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from walkcore.gait import Footstep, Side
 from walkcore.swing_foot import standing, swing, swing_height
 
-TICK, MAX_SPEED = 0.005, np.array([1.5, 1.0])
+TICK, MAX_SPEED = 0.005, np.array([1.5, 1.0, 1.5])
 START = Footstep(Side.LEFT, np.zeros(2), 0.0)
 
 
@@ -30,7 +30,7 @@ def test_replanning_towards_the_same_foothold_stays_on_one_quintic():
 def test_the_foot_lands_at_rest_on_its_foothold():
     foot = fly([np.array([0.4, 0.1])])[-1]
     assert np.array_equal(foot.position, [0.4, 0.1])
-    assert np.array_equal(foot.velocity, [0.0, 0.0])
+    assert np.array_equal(foot.velocity, [0.0, 0.0, 0.0])
     assert foot.yaw == 0.3
 
 
@@ -47,13 +47,13 @@ def test_no_late_change_within_the_speed_bound_makes_the_foot_faster_than_it(wis
         time_left = (nb_ticks - i) * TICK
         wish = np.array(wishes[i * len(wishes) // nb_ticks])
         # What the QP may decide at this tick: (30).
-        allowed = np.clip(R.T @ (wish - foot.position), -time_left * MAX_SPEED, time_left * MAX_SPEED)
+        allowed = np.clip(R.T @ (wish - foot.position), -time_left * MAX_SPEED[:2], time_left * MAX_SPEED[:2])
         target = foot.position + R @ allowed
         after = swing(foot, Footstep(Side.LEFT, target, 0.0), time_left, TICK, MAX_SPEED, yaw)
         speed = np.abs(R.T @ (after.position - foot.position)) / TICK
-        assert np.all(speed <= MAX_SPEED + 1e-9)
+        assert np.all(speed <= MAX_SPEED[:2] + 1e-9)
         # The foothold stays within reach, so the next QP does not lose it.
-        assert np.all(np.abs(R.T @ (target - after.position)) <= (time_left - TICK) * MAX_SPEED + 1e-9)
+        assert np.all(np.abs(R.T @ (target - after.position)) <= (time_left - TICK) * MAX_SPEED[:2] + 1e-9)
         foot = after
     assert np.allclose(foot.position, target)
 

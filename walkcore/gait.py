@@ -8,7 +8,8 @@ support of one period, then the other foot swings. A sample at the touchdown its
 still belongs to the step that ends, whose constraint is the stricter one (section 4).
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -66,13 +67,17 @@ class Horizon:
     foot: NDArray[np.int64]
     """What carries each sample, shape (N,): 0 the present support foot, k the k-th foothold to come."""
     is_on_both: NDArray[np.bool_]
-    """Whether both feet carry a sample, shape (N,): the support foot and the one that has not left the ground."""
+    """Whether the other foot stands beside that one and carries the sample too, shape (N,)."""
+    is_stopping: bool
+    """Whether a last step is planned that brings the feet side by side."""
+    samples_left: NDArray[np.int64]
+    """From each sample to the touchdown that ends its step, shape (N,)."""
     time_to_touchdown: float
-    """From the present to the next touchdown [s]."""
+    """From the present to the next touchdown [s]; NaN if none is planned."""
 
     @property
     def nb_footholds(self) -> int:
-        """m, footholds to come on which some sample stands."""
+        """m, footholds to come that the QP may choose: all on which a sample stands, but for the last one of a stop."""
         return int(self.foot[-1])
 
     @property
@@ -93,63 +98,98 @@ class Horizon:
 
 @dataclass(frozen=True, slots=True)
 class Gait:
-    """Alternating steps on the grid, after a stand on both feet."""
+    """A stand on both feet, alternating steps on the grid, and a stand again; either may last for ever."""
 
     parameters: Parameters
     first_support: Side = Side.LEFT
     """Foot that carries the first step."""
+    start: int | None = None
+    """Sample at which the first step begins; None to stand."""
+    nb_steps: int | None = None
+    """Steps until the feet are side by side again; None to walk on."""
 
-    @property
-    def _start(self) -> int:
-        """Sample at which the first step begins."""
-        return self.parameters.samples_before_first_step
-
-    def _step(self, tick: int) -> int:
+    def step(self, tick: int) -> int:
         """Index of the step under way; negative while standing."""
         sample = tick // self.parameters.ticks_per_sample
-        return (sample - self._start) // self.parameters.samples_per_step if sample >= self._start else -1
+        if self.start is None or sample < self.start:
+            return -1
+        return (sample - self.start) // self.parameters.samples_per_step
 
-    def _ticks_into_step(self, tick: int) -> int:
-        p = self.parameters
-        first_tick = (self._start + max(self._step(tick), 0) * p.samples_per_step) * p.ticks_per_sample
-        return tick - first_tick
+    def ticks_into_step(self, tick: int) -> int:
+        """Since the step under way began; negative before the first one."""
+        p, start = self.parameters, self.start or 0
+        return tick - (start + max(self.step(tick), 0) * p.samples_per_step) * p.ticks_per_sample
 
     def phase(self, tick: int) -> Phase:
         """Which feet are on the ground."""
-        if self._step(tick) < 0:
+        if self.step(tick) < 0:
             return Phase.STANDING
-        in_double_support = self._ticks_into_step(tick) < self.parameters.ticks_per_sample
+        in_double_support = self.ticks_into_step(tick) < self.parameters.ticks_per_sample
         return Phase.DOUBLE_SUPPORT if in_double_support else Phase.SINGLE_SUPPORT
 
     def support_side(self, tick: int) -> Side:
         """The foot that carries the robot; while standing, the one that will carry the first step."""
-        is_other = max(self._step(tick), 0) % 2 == 1
+        is_other = max(self.step(tick), 0) % 2 == 1
         return self.first_support.other if is_other else self.first_support
 
-    def is_touchdown(self, tick: int) -> bool:
-        """Whether a foot lands at this tick."""
-        return self._step(tick) > 0 and self._ticks_into_step(tick) == 0
+    def has_ended(self, tick: int) -> bool:
+        """Whether the last step of a stop is over."""
+        return self.nb_steps is not None and self.step(tick) >= self.nb_steps
 
     def time_to_touchdown(self, tick: int) -> float:
-        """Until the foot in the air, or the next one to leave the ground, lands [s]."""
+        """Until the foot in the air, or the next one to leave the ground, lands [s]; NaN if none will."""
+        if self.start is None:
+            return math.nan
         p = self.parameters
-        return (p.samples_per_step * p.ticks_per_sample - self._ticks_into_step(tick)) * p.control_period
+        return (p.samples_per_step * p.ticks_per_sample - self.ticks_into_step(tick)) * p.control_period
+
+    def steps_to_stand(self, tick: int) -> int:
+        """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
+        if self.start is None:
+            return 0
+        return -1 if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
 
     def swing_progress(self, tick: int) -> float:
         """Fraction of the single support that has passed, in [0, 1]."""
         p = self.parameters
         swing_ticks = (p.samples_per_step - 1) * p.ticks_per_sample
-        return max(self._ticks_into_step(tick) - p.ticks_per_sample, 0) / swing_ticks
+        return max(self.ticks_into_step(tick) - p.ticks_per_sample, 0) / swing_ticks
 
     def horizon(self, tick: int) -> Horizon:
         """The supports of the N samples that follow `tick`."""
         p = self.parameters
         present = tick // p.ticks_per_sample
         samples = np.arange(present + 1, present + p.horizon_samples + 1)
-        step = np.maximum((samples - self._start - 1) // p.samples_per_step, 0)
+        start = samples[-1] if self.start is None else self.start
+        step = np.maximum((samples - start - 1) // p.samples_per_step, 0)
+        last_step = step[-1] if self.nb_steps is None else self.nb_steps - 1
+        is_on_both = (samples <= start) | (step > last_step)
         return Horizon(
             ticks_to_sample=(present + 1) * p.ticks_per_sample - tick,
-            foot=step - max(self._step(tick), 0),
-            is_on_both=samples <= self._start,
+            foot=np.minimum(step, last_step) - max(self.step(tick), 0),
+            is_on_both=is_on_both,
+            is_stopping=bool(step[-1] > last_step),
+            samples_left=(start - samples) % p.samples_per_step,
             time_to_touchdown=self.time_to_touchdown(tick),
         )
+
+    def choices(self, tick: int, wants_to_walk: bool, first_support: Side) -> "tuple[Gait, ...]":
+        """What the robot might do from here on, in the order in which it would rather do it.
+
+        Args:
+            tick: now.
+            wants_to_walk: whether it is asked to.
+            first_support: foot to carry the first step of a walk that is asked for.
+        """
+        p = self.parameters
+        present = tick // p.ticks_per_sample
+        if self.phase(tick) is Phase.STANDING:
+            stand = Gait(p, self.first_support)
+            walk = self if self.start is not None else Gait(p, first_support, present + p.samples_before_first_step)
+            step_at_once = tuple(Gait(p, side, present + 1) for side in Side)
+            return (walk if wants_to_walk else stand, *step_at_once)
+        walk_on = replace(self, nb_steps=None)
+        if wants_to_walk:
+            return (walk_on,)
+        stop = self if self.nb_steps is not None else replace(self, nb_steps=self.step(tick) + 2)
+        return (stop, walk_on)

@@ -1,5 +1,7 @@
 """From the state of the CoM to the motion of the coming two steps: describe, build, solve, read."""
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -7,15 +9,16 @@ import numpy as np
 
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
-from walkcore.gait import Footstep, Horizon, Side
+from walkcore.gait import Footstep, Horizon
 from walkcore.lipm import CoMState, PreviewMatrices, preview_matrices
-from walkcore.orientation import foothold_yaws
 from walkcore.parameters import Parameters
-from walkcore.qp import solve_qp
-from walkcore.regions import HalfPlanes, box, foothold_vertices, polygon, sole_vertices
+from walkcore.qp import QP, solve_qp
 from walkcore.robot import Robot
-from walkcore.values import Matrix, Vector, read_only, rotation
-from walkcore.walking_qp import Supports, Weights, build_qp, soften_margin
+from walkcore.supports import SupportGeometry, Supports
+from walkcore.values import Matrix, Vector, read_only
+from walkcore.walking_qp import AffinePoint, Layout, Weights, build_qp, dcm, keep_inside, soften_margin
+
+CAPTURE_TOLERANCE = 1e-6  # [m]
 
 
 class Status(IntEnum):
@@ -41,6 +44,8 @@ class Plan:
     footholds: tuple[Footstep, ...]
     """Those on which some sample stands, in the order of their touchdowns."""
     status: Status
+    is_capturable: bool
+    """Whether further steps can catch the robot where the plan ends."""
 
 
 class PatternGenerator:
@@ -52,26 +57,18 @@ class PatternGenerator:
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
-        p = parameters
-        self._robot, self._parameters = robot, p
+        p = self._parameters = parameters
+        self.com_height = robot.com_height if p.com_height is None else p.com_height
+        self._omega = math.sqrt(p.gravity / self.com_height)
         self._weights = Weights(p.alpha, p.beta, p.gamma)
+        self._geometry = SupportGeometry(robot, p, self.com_height)
         self._previews = {ticks: self._preview(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
-        self._soles = {
-            side: polygon(sole_vertices(robot.sole, Footstep(side, np.zeros(2), 0.0))).inset(p.cop_margin)
-            for side in Side
-        }
-        self._regions = {side: polygon(foothold_vertices(robot.foothold_region, side)) for side in Side}
 
     def _preview(self, ticks_to_sample: int) -> PreviewMatrices:
         p = self._parameters
         intervals = np.full(p.horizon_samples, p.sampling_period)
         intervals[0] = ticks_to_sample * p.control_period
         return preview_matrices(intervals, self.com_height, p.gravity)
-
-    @property
-    def com_height(self) -> float:
-        """CoM height h [m]: the parameter where it is given, else the robot's own."""
-        return self._robot.com_height if self._parameters.com_height is None else self._parameters.com_height
 
     def plan(
         self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
@@ -90,54 +87,63 @@ class PatternGenerator:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
         preview = self._previews[horizon.ticks_to_sample]
-        yaws = foothold_yaws(support.yaw, horizon.nb_footholds)
-        supports = self._supports(support, swing, horizon, yaws)
-        velocity = rotation(heading) @ (reference.vx, reference.vy)
-        problem = build_qp(com, supports, np.tile(velocity, (preview.nb_samples, 1)), preview, self._weights)
-        try:
-            u, status = solve_qp(problem), Status.SOLVED
-        except NoSolutionFoundError:
-            u, status = solve_qp(soften_margin(problem, supports, self._parameters.cop_margin)), Status.RELAXED
+        supports = self._geometry.supports(support, swing, horizon, reference.yaw_rate)
+        problem = build_qp(com, supports, _velocities(reference, heading, preview.times), preview, self._weights)
+        u, status, is_capturable = self._solve(
+            problem, supports, [dcm(com, supports, preview, self._omega, n) for n in (0, -1)]
+        )
 
-        jerks, positions = supports.layout.jerks(u), supports.layout.footholds(u)
-        sides = [support.side.other if k % 2 == 0 else support.side for k in range(len(positions))]
+        layout = Layout.of(supports)
+        jerks, positions = layout.jerks(u), layout.footholds(u)
+        if supports.stopping_offset is not None:
+            last = np.vstack([support.position, positions])[-1]
+            positions = np.vstack([positions, last + supports.stopping_offset])
         return Plan(
             times=preview.times,
             jerks=read_only(jerks),
             com=read_only(preview.Pps @ com.matrix + preview.Ppu @ jerks),
             cop=read_only(preview.Pzs @ com.matrix + preview.Pzu @ jerks),
-            footholds=tuple(map(Footstep, sides, positions, yaws)),
+            footholds=tuple(map(Footstep, supports.sides, positions, supports.yaws)),
             status=status,
+            is_capturable=is_capturable,
         )
 
-    def _supports(self, support: Footstep, swing: Footstep, horizon: Horizon, yaws: Vector) -> Supports:
-        """Polygons and centres of the samples' supports, in world orientation."""
-        soles = [self._soles[support.side].rotated(support.yaw)]
-        regions: list[HalfPlanes] = []
-        side, yaw = support.side, support.yaw
-        for next_yaw in yaws:
-            regions.append(self._regions[side.other].rotated(yaw))
-            side, yaw = side.other, next_yaw
-            soles.append(self._soles[side].rotated(yaw))
+    def _solve(self, problem: QP, supports: Supports, dcm_at: list[AffinePoint]) -> tuple[Vector, Status, bool]:
+        """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
-        known_centre = horizon.support_selection[:, None] * support.position
-        polygons = [soles[int(foot)] for foot in horizon.foot]
-        if horizon.is_on_both.any():
-            middle = (support.position + swing.position) / 2
-            known_centre[horizon.is_on_both] = middle
-            hull = self._hull(support, swing, middle)
-            polygons = [hull if both else sole for both, sole in zip(horizon.is_on_both, polygons, strict=True)]
-        return Supports(
-            known_centre=known_centre,
-            selection=horizon.foothold_selection,
-            cop_polygons=tuple(polygons),
-            support_position=support.position,
-            foothold_regions=tuple(regions),
-            swing_position=swing.position,
-            swing_reach=box(horizon.time_to_touchdown * self._robot.max_foot_speed).rotated(support.yaw),
-        )
+        Args:
+            problem: the paper's.
+            supports: those it was built from.
+            dcm_at: the divergent component of motion at the first and at the last sample.
 
-    def _hull(self, support: Footstep, swing: Footstep, middle: Vector) -> HalfPlanes:
-        """Where the CoP may be on both feet, relative to the middle between them."""
-        corners = np.vstack([sole_vertices(self._robot.sole, foot) for foot in (support, swing)])
-        return polygon(corners - middle).inset(self._parameters.cop_margin)
+        Raises:
+            NoSolutionFoundError: if nothing is feasible.
+        """
+        u = None
+        with suppress(NoSolutionFoundError):
+            u = solve_qp(problem).u
+            if _leads_on(Layout.of(supports).axes(u), supports, dcm_at):
+                return u, Status.SOLVED, True
+        soft = soften_margin(problem, supports, self._parameters.cop_margin)
+        for capturable in supports.capturable_at_end:
+            with suppress(NoSolutionFoundError):
+                return solve_qp(keep_inside(soft, dcm_at[-1], capturable)).u, Status.RELAXED, True
+        return (solve_qp(soft).u if u is None else u), Status.RELAXED, False
+
+
+def _leads_on(axes: Matrix, supports: Supports, dcm_at: list[AffinePoint]) -> bool:
+    """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
+
+    Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
+    """
+    soon, end = (point.at(axes)[0] for point in dcm_at)
+    is_caught = supports.capturable_soon is None or supports.capturable_soon.excess(soon) < CAPTURE_TOLERANCE
+    stands = supports.stopping_offset is None or supports.capturable_at_end[0].excess(end) < CAPTURE_TOLERANCE
+    return is_caught and stands
+
+
+def _velocities(reference: Reference, heading: float, times: Vector) -> Matrix:
+    """The velocity to track at each sample: it turns with the heading [m/s], world frame, shape (N, 2)."""
+    yaw = heading + reference.yaw_rate * times
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy])

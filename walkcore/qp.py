@@ -45,8 +45,18 @@ class QP:
         return f"a QP of {len(self.q)} variables and {len(self.lower)} rows"
 
 
-def solve_qp(problem: QP) -> Vector:
-    """The minimiser u of a QP, shape (n,).
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A minimiser and its multipliers: P u + q + G^T multipliers = 0."""
+
+    u: Vector
+    """Shape (n,)."""
+    multipliers: Vector
+    """Positive where the upper bound of a row is active, negative where the lower one is, shape (r,)."""
+
+
+def solve_qp(problem: QP) -> Solution:
+    """The minimiser of a QP.
 
     Raises:
         NoSolutionFoundError: if PIQP does not reach its tolerance, which an infeasible problem ends in.
@@ -69,4 +79,4 @@ def solve_qp(problem: QP) -> Vector:
     u = solver.result.x * S
     if status != piqp.PIQP_SOLVED or not np.all(np.isfinite(u)):
         raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
-    return u
+    return Solution(u, solver.result.z_u - solver.result.z_l)

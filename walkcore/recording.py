@@ -117,6 +117,7 @@ def parameters_in_force(simulation: Simulation) -> dict[str, Any]:
         },
         "foothold_region": robot.foothold_region.tolist(),
         "max_foot_speed": robot.max_foot_speed.tolist(),
+        "max_foot_yaw_rate": robot.max_foot_yaw_rate,
         "max_com_distance": robot.max_com_distance,
         "max_reference": {name: list(limits) for name, limits in robot.max_reference.items()},
         "rules": {
@@ -147,9 +148,10 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
     for tick, command in enumerate(scenario.commands()):
         snapshot = simulation.step(command)
         values = row(snapshot)
+        steps_to_stand = {"steps_to_stand": float(snapshot.steps_to_stand)}  # with it, stops can be rebuilt too
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
-        columns = columns or (*values, *joints)
-        rows.append([*values.values(), *joints.values()])
+        columns = columns or (*values, *joints, *steps_to_stand)
+        rows.append([*values.values(), *joints.values(), *steps_to_stand.values()])
         reason = reason or snapshot.reason
         if progress is not None and (tick + 1) % every == 0:
             progress((tick + 1) / scenario.nb_ticks)

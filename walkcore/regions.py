@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from walkcore.errors import EmptyRegionError
 from walkcore.gait import Footstep, Side
@@ -60,7 +60,7 @@ def polygon(vertices: ArrayLike) -> HalfPlanes:
         EmptyRegionError: if the points enclose no area.
     """
     try:
-        facets = ConvexHull(np.asarray(vertices, dtype=float)).equations
+        facets = ConvexHull(np.asarray(vertices, dtype=float).reshape(-1, 2)).equations
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"the points enclose no area: {vertices}") from error
     normals: list[Vector] = []
@@ -81,6 +81,21 @@ def box(half_widths: ArrayLike) -> HalfPlanes:
     """The rectangle |x| <= half_widths[0], |y| <= half_widths[1] [m]."""
     bounds = read_only(half_widths, shape=(2,))
     return HalfPlanes(np.eye(2), -bounds, bounds)
+
+
+def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
+    """Corners of the points at least `margin` [m] inside a convex polygon, both of shape (V, 2).
+
+    Raises:
+        EmptyRegionError: if there are none.
+    """
+    hull = ConvexHull(vertices)
+    halfspaces = hull.equations + [0.0, 0.0, margin]
+    centre = np.mean(vertices[hull.vertices], axis=0)
+    try:
+        return HalfspaceIntersection(halfspaces, centre).intersections
+    except QhullError as error:
+        raise EmptyRegionError(f"a margin of {margin} m leaves nothing of the polygon") from error
 
 
 def mirrored(vertices: Matrix) -> Matrix:

@@ -55,6 +55,8 @@ class Robot:
     """Where the left foot may land, in the right foot's frame [m], shape (V, 2); mirrored for the other."""
     max_foot_speed: Vector
     """Along x and y of the support foot's frame [m/s], shape (2,): v_max of (30)."""
+    max_foot_yaw_rate: float
+    """Of the foot in the air [rad/s]."""
     max_com_distance: float
     """Horizontal, from the CoM to the support foot, beyond which the leg is too short: the robot has fallen [m]."""
     max_reference: Mapping[str, tuple[float, float]]
@@ -118,6 +120,7 @@ def load_robot(name: str) -> Robot:
         sole=read_only(data["sole"]),
         foothold_region=read_only(data["foothold_region"]),
         max_foot_speed=read_only(data["max_foot_speed"], shape=(2,)),
+        max_foot_yaw_rate=float(data["max_foot_yaw_rate"]),
         max_com_distance=float(data["max_com_distance"]),
         max_reference={key: (float(low), float(high)) for key, (low, high) in data["max_reference"].items()},
         max_push=float(data["max_push"]),

@@ -46,6 +46,8 @@ class Snapshot:
     """Samples of the horizon that the support foot carries alone."""
     time_to_touchdown: float
     """[s]."""
+    steps_to_stand: int
+    """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
     left_foot: FootState
     right_foot: FootState
     push: Vector
@@ -175,12 +177,41 @@ class Simulation:
             limit = self.robot.max_com_distance
             self._fall_down(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
             return None
-        horizon = self._gait.horizon(self._tick)
-        try:
-            return self._generator.plan(self._com, self._support, self._swing, horizon, reference, self.heading)
-        except NoSolutionFoundError as failure:
-            self._fall_down(f"no step can catch the robot: {failure}")
+        wants_to_walk = self.parameters.stepping_in_place or not reference.is_zero
+        return self._first_that_works(
+            self._gait.choices(self._tick, wants_to_walk, _first_support(reference)), reference
+        )
+
+    def _first_that_works(self, choices: tuple[Gait, ...], reference: Reference) -> Plan | None:
+        """Take the first gait whose plan keeps every margin, else the first that does not lead to a fall."""
+        plans: list[tuple[Gait, Plan]] = []
+        reasons: list[str] = []
+        for gait in choices:
+            try:
+                plan = self._plan(gait, reference)
+            except NoSolutionFoundError as failure:
+                reasons.append(str(failure))
+                continue
+            plans.append((gait, plan))
+            if plan.status is Status.SOLVED:
+                break
+        if not plans:
+            self._fall_down(f"no step can catch the robot: {reasons[0]}")
             return None
+        gait, plan = max(plans, key=lambda choice: (choice[1].status is Status.SOLVED, choice[1].is_capturable))
+        self._gait = gait
+        return plan
+
+    def _plan(self, gait: Gait, reference: Reference) -> Plan:
+        side = gait.support_side(self._tick)
+        return self._generator.plan(
+            self._com,
+            _footstep(side, self._feet[side]),
+            _footstep(side.other, self._feet[side.other]),
+            gait.horizon(self._tick),
+            reference,
+            self.heading,
+        )
 
     def _fall_down(self, reason: str) -> None:
         """Stay where the robot is until a reset."""
@@ -203,6 +234,7 @@ class Simulation:
             support=self._support,
             samples_on_support=horizon.nb_samples_on_support,
             time_to_touchdown=horizon.time_to_touchdown,
+            steps_to_stand=self._gait.steps_to_stand(self._tick),
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
             push=read_only(impulse),
@@ -222,13 +254,15 @@ class Simulation:
                 plan.footholds[0],
                 self._gait.time_to_touchdown(tick),
                 p.control_period,
-                self.robot.max_foot_speed,
+                np.array([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate]),
                 self._support.yaw,
             )
-            has_landed = self._gait.is_touchdown(tick + 1)
+            has_landed = self._gait.support_side(tick + 1) is side
             height = 0.0 if has_landed else swing_height(self._gait.swing_progress(tick + 1), p.swing_height)
             self._feet[side] = replace(foot, height=height)
         self._com = self._com.integrated(plan.jerks[0], p.control_period)
+        if self._gait.has_ended(tick + 1):
+            self._gait = Gait(p, self._gait.support_side(tick + 1))
 
     def _body_target(self) -> BodyTarget:
         com = np.array([*self._com.position, self.com_height])
@@ -245,6 +279,12 @@ class Simulation:
             return replace(snapshot, status=Status.FALLEN, reason=str(failure))
         self._q_before, self._q = now, after
         return replace(snapshot, true_cop=read_only(body.true_cop(before, now, after, period, impulse / period)))
+
+
+def _first_support(reference: Reference) -> Side:
+    """The foot that carries the first step: the other one goes where the robot is asked to go."""
+    goes_left = reference.vy > 0.0 or (reference.vy == 0.0 and reference.yaw_rate > 0.0)
+    return Side.RIGHT if goes_left else Side.LEFT
 
 
 def _footstep(side: Side, foot: FootState) -> Footstep:

@@ -22,25 +22,33 @@ from walkcore.values import Vector, read_only, rotation
 class FootState:
     """A sole in the world frame, on the ground or in the air."""
 
-    position: Vector
-    """Origin of the sole frame [m], shape (2,)."""
+    pose: Vector
+    """x, y of the sole frame's origin [m] and yaw [rad], shape (3,)."""
     velocity: Vector
-    """[m/s], shape (2,)."""
+    """[m/s] and [rad/s], shape (3,)."""
     acceleration: Vector
-    """[m/s^2], shape (2,)."""
+    """[m/s^2] and [rad/s^2], shape (3,)."""
     height: float
     """Of the sole above the ground [m]."""
-    yaw: float
-    """[rad]."""
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name), shape=(2,)))
+        for name in ("pose", "velocity", "acceleration"):
+            object.__setattr__(self, name, read_only(getattr(self, name), shape=(3,)))
+
+    @property
+    def position(self) -> Vector:
+        """Origin of the sole frame [m], shape (2,)."""
+        return self.pose[:2]
+
+    @property
+    def yaw(self) -> float:
+        """[rad]."""
+        return float(self.pose[2])
 
 
 def standing(foot: Footstep) -> FootState:
     """A foot at rest on the ground."""
-    return FootState(foot.position, np.zeros(2), np.zeros(2), 0.0, foot.yaw)
+    return FootState(_pose(foot), np.zeros(3), np.zeros(3), 0.0)
 
 
 def swing_height(progress: float, apex: float) -> float:
@@ -63,29 +71,34 @@ def swing(
         foothold: where it will land.
         time_left: until touchdown [s].
         tick: [s].
-        max_speed: along x and y of the support foot's frame [m/s], shape (2,).
+        max_speed: along x and y of the support foot's frame [m/s], and of the yaw [rad/s], shape (3,).
         support_yaw: of that frame [rad].
     """
     if time_left <= 1.5 * tick:
         return standing(foothold)
-    position, velocity, acceleration = _quintic(foot, foothold.position, time_left, tick)
-    R = rotation(support_yaw)
-    to_go = (foothold.position - foot.position) @ R
+    target = _pose(foothold)
+    pose, velocity, acceleration = _quintic(foot, target, time_left, tick)
+    R = np.eye(3)
+    R[:2, :2] = rotation(support_yaw)
+    to_go = (target - foot.pose) @ R
     reachable = np.maximum((time_left - tick) * max_speed, 0.0)
-    move = (position - foot.position) @ R
+    move = (pose - foot.pose) @ R
     allowed = np.clip(np.clip(move, -max_speed * tick, max_speed * tick), to_go - reachable, to_go + reachable)
-    if not np.allclose(allowed, move, rtol=0.0, atol=1e-12):
-        position, velocity, acceleration = foot.position + R @ allowed, R @ allowed / tick, np.zeros(2)
-    yaw = foot.yaw + (foothold.yaw - foot.yaw) * tick / time_left
-    return FootState(position, velocity, acceleration, foot.height, yaw)
+    if np.any(np.abs(allowed - move) > 1e-12):
+        pose, velocity, acceleration = foot.pose + R @ allowed, R @ allowed / tick, np.zeros(3)
+    return FootState(pose, velocity, acceleration, foot.height)
+
+
+def _pose(foot: Footstep) -> Vector:
+    return np.array([*foot.position, foot.yaw])
 
 
 def _quintic(foot: FootState, target: Vector, time_left: float, tick: float) -> tuple[Vector, Vector, Vector]:
-    """Position, velocity and acceleration after one tick of the quintic that rests on the target at touchdown."""
+    """Pose, velocity and acceleration after one tick of the quintic that rests on the target at touchdown."""
     T, s = time_left, tick / time_left
-    D, V, A = target - foot.position, foot.velocity * T, foot.acceleration * T**2
+    D, V, A = target - foot.pose, foot.velocity * T, foot.acceleration * T**2
     c3, c4, c5 = 10 * D - 6 * V - 1.5 * A, -15 * D + 8 * V + 1.5 * A, 6 * D - 3 * V - 0.5 * A
-    position = foot.position + V * s + A / 2 * s**2 + c3 * s**3 + c4 * s**4 + c5 * s**5
+    pose = foot.pose + V * s + A / 2 * s**2 + c3 * s**3 + c4 * s**4 + c5 * s**5
     velocity = (V + A * s + 3 * c3 * s**2 + 4 * c4 * s**3 + 5 * c5 * s**4) / T
     acceleration = (A + 6 * c3 * s + 12 * c4 * s**2 + 20 * c5 * s**3) / T**2
-    return position, velocity, acceleration
+    return pose, velocity, acceleration

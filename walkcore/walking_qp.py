@@ -11,13 +11,14 @@ the same for x and y, lies in a convex polygon; they are stacked as such.
 Built here, solved elsewhere.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from walkcore.lipm import CoMState, PreviewMatrices
 from walkcore.qp import QP
 from walkcore.regions import HalfPlanes
+from walkcore.supports import Supports
 from walkcore.values import Matrix, Vector
 
 FOOTHOLD_SCALE = 1e4  # footholds in units of 10 km: the cost is almost flat along them, see qp.py
@@ -43,6 +44,11 @@ class Layout:
     nb_samples: int
     nb_footholds: int
 
+    @classmethod
+    def of(cls, supports: Supports) -> "Layout":
+        """That of the QP with these supports."""
+        return cls(*supports.selection.shape)
+
     @property
     def axis(self) -> int:
         """Variables of one axis."""
@@ -53,38 +59,17 @@ class Layout:
         """Magnitudes of the variables for the solver, shape (2 (N + m),)."""
         return np.tile(np.repeat([1.0, FOOTHOLD_SCALE], [self.nb_samples, self.nb_footholds]), 2)
 
+    def axes(self, u: Vector) -> Matrix:
+        """The variables of x and of y side by side, shape (N + m, 2); slacks are left out."""
+        return u[: 2 * self.axis].reshape(2, self.axis).T
+
     def jerks(self, u: Vector) -> Matrix:
         """[m/s^3], shape (N, 2)."""
-        return u[: 2 * self.axis].reshape(2, self.axis)[:, : self.nb_samples].T
+        return self.axes(u)[: self.nb_samples]
 
     def footholds(self, u: Vector) -> Matrix:
         """[m], shape (m, 2)."""
-        return u[: 2 * self.axis].reshape(2, self.axis)[:, self.nb_samples :].T
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Supports:
-    """What carries the samples, and where the feet may go. Polygons have world orientation."""
-
-    known_centre: Matrix
-    """Uc f_support: centre of the supports that are known already, zero for others [m], shape (N, 2)."""
-    selection: Matrix
-    """U of (22), shape (N, m)."""
-    cop_polygons: tuple[HalfPlanes, ...]
-    """Where the CoP of each sample may be relative to the centre of its support; N of them."""
-    support_position: Vector
-    """Foot on the ground, shape (2,) [m]."""
-    foothold_regions: tuple[HalfPlanes, ...]
-    """Where each foothold may be relative to its predecessor; m of them."""
-    swing_position: Vector
-    """Foot in the air, shape (2,) [m]."""
-    swing_reach: HalfPlanes
-    """How far the foot in the air can still move: right-hand side of (30)."""
-
-    @property
-    def layout(self) -> Layout:
-        """Of the QP with these supports."""
-        return Layout(*self.selection.shape)
+        return self.axes(u)[self.nb_samples :]
 
 
 def build_qp(com: CoMState, supports: Supports, reference: Matrix, preview: PreviewMatrices, weights: Weights) -> QP:
@@ -99,7 +84,7 @@ def build_qp(com: CoMState, supports: Supports, reference: Matrix, preview: Prev
     """
     Q, p = _objective(com, supports, reference, preview, weights)
     G, lower, upper = _constraints(com, supports, preview)
-    return QP(Q, p, G, lower, upper, supports.layout.scale)
+    return QP(Q, p, G, lower, upper, Layout.of(supports).scale)
 
 
 def _objective(
@@ -122,6 +107,32 @@ def _objective(
     return np.block([[Q_axis, zero], [zero, Q_axis]]), p_axes.T.ravel()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class AffinePoint:
+    """Points of the plane that are affine functions of u, the same for x and y."""
+
+    matrix: Matrix
+    """Shape (k, N + m)."""
+    offset: Matrix
+    """Shape (k, 2)."""
+
+    def at(self, axes: Matrix) -> Matrix:
+        """The points for the variables of both axes, shape (N + m, 2)."""
+        return self.matrix @ axes + self.offset
+
+    def rows(self, polygons: tuple[HalfPlanes, ...]) -> tuple[Matrix, Vector, Vector]:
+        """G, lower, upper that keep each point in its polygon."""
+        normals = np.vstack([polygon.normals for polygon in polygons])
+        point = np.repeat(np.arange(len(polygons)), [len(polygon.normals) for polygon in polygons])
+        known = np.sum(normals * self.offset[point], axis=1)
+        matrix = self.matrix[point]
+        return (
+            np.hstack([normals[:, :1] * matrix, normals[:, 1:] * matrix]),
+            np.concatenate([polygon.lower for polygon in polygons]) - known,
+            np.concatenate([polygon.upper for polygon in polygons]) - known,
+        )
+
+
 def _constraints(com: CoMState, supports: Supports, preview: PreviewMatrices) -> tuple[Matrix, Vector, Vector]:
     """Rows of (28), then of the foothold regions, then of (30)."""
     N, m = supports.selection.shape
@@ -132,23 +143,29 @@ def _constraints(com: CoMState, supports: Supports, preview: PreviewMatrices) ->
     foothold_offset[:1] = -supports.support_position
     touchdown = foothold[:1]  # none where the horizon ends before it
     touchdown_offset = np.tile(-supports.swing_position, (len(touchdown), 1))
-
-    return _rows(
-        np.vstack([cop, foothold, touchdown]),
-        np.vstack([cop_offset, foothold_offset, touchdown_offset]),
-        (*supports.cop_polygons, *supports.foothold_regions, *(supports.swing_reach,) * len(touchdown)),
+    points = AffinePoint(
+        np.vstack([cop, foothold, touchdown]), np.vstack([cop_offset, foothold_offset, touchdown_offset])
     )
+    reach = (supports.swing_reach,) * len(touchdown)
+    return points.rows((*supports.cop_polygons, *supports.foothold_regions, *reach))
 
 
-def _rows(matrix: Matrix, offset: Matrix, polygons: tuple[HalfPlanes, ...]) -> tuple[Matrix, Vector, Vector]:
-    """The points (matrix @ u_x, matrix @ u_y) + offset lie in their polygons: lower <= G u <= upper."""
-    normals = np.vstack([polygon.normals for polygon in polygons])
-    point = np.repeat(np.arange(len(polygons)), [len(polygon.normals) for polygon in polygons])
-    known = np.sum(normals * offset[point], axis=1)
-    lower = np.concatenate([polygon.lower for polygon in polygons]) - known
-    upper = np.concatenate([polygon.upper for polygon in polygons]) - known
-    G = np.hstack([normals[:, :1] * matrix[point], normals[:, 1:] * matrix[point]])
-    return G, lower, upper
+def dcm(com: CoMState, supports: Supports, preview: PreviewMatrices, omega: float, n: int) -> AffinePoint:
+    """The divergent component of motion c + dc/omega at sample n, relative to the centre of its support."""
+    matrix = np.concatenate([preview.Ppu[n] + preview.Pvu[n] / omega, -supports.selection[n]])
+    offset = (preview.Pps[n] + preview.Pvs[n] / omega) @ com.matrix - supports.known_centre[n]
+    return AffinePoint(matrix[None], offset[None])
+
+
+def keep_inside(problem: QP, point: AffinePoint, polygon: HalfPlanes) -> QP:
+    """The same QP with one more point kept in a polygon. Slacks that follow u do not touch it."""
+    G, lower, upper = point.rows((polygon,))
+    return replace(
+        problem,
+        G=np.vstack([problem.G, np.pad(G, ((0, 0), (0, problem.G.shape[1] - G.shape[1])))]),
+        lower=np.concatenate([problem.lower, lower]),
+        upper=np.concatenate([problem.upper, upper]),
+    )
 
 
 def soften_margin(problem: QP, supports: Supports, margin: float) -> QP:

@@ -1,0 +1,157 @@
+"""What carries each sample of the horizon, and where the feet may go: the geometry of the walking QP."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from walkcore.capture import StepTiming, capture_polygons
+from walkcore.gait import Footstep, Horizon, Side
+from walkcore.orientation import Turn, foothold_yaws
+from walkcore.parameters import Parameters
+from walkcore.regions import HalfPlanes, box, foothold_vertices, polygon, sole_vertices
+from walkcore.robot import Robot
+from walkcore.values import Matrix, Vector, rotation
+
+SPARE = 0.5  # fraction of the foothold region that a plan which had to be corrected may count on after its end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Supports:
+    """Centres and polygons, with the orientation of the world.
+
+    The support of a sample is a foot, or the feet side by side; its centre is the origin
+    of the foot, or the middle between the two.
+    """
+
+    known_centre: Matrix
+    """The part of each sample's centre that is known: Uc f_support, and from a foot to the middle [m], shape (N, 2)."""
+    selection: Matrix
+    """U of (22), shape (N, m)."""
+    cop_polygons: tuple[HalfPlanes, ...]
+    """Where the CoP of each sample may be relative to the centre; N of them."""
+    support_position: Vector
+    """Foot on the ground, shape (2,) [m]."""
+    foothold_regions: tuple[HalfPlanes, ...]
+    """Where each foothold may be relative to its predecessor; m of them."""
+    swing_position: Vector
+    """Foot in the air, shape (2,) [m]."""
+    swing_reach: HalfPlanes
+    """How far the foot in the air can still move: right-hand side of (30)."""
+    capturable_soon: HalfPlanes | None
+    """Where the divergent component of motion may be at the first sample relative to its centre, if steps that keep
+    all margins are to catch the robot; None where a stand turns into a walk or a walk into a stand."""
+    capturable_at_end: tuple[HalfPlanes, ...]
+    """Where it may be at the last sample: best with room to spare, then with all margins, at worst without."""
+    sides: tuple[Side, ...]
+    """Of the m footholds, and of the one that ends a stop."""
+    yaws: tuple[float, ...]
+    """Of the same [rad]."""
+    stopping_offset: Vector | None
+    """From the last of the m footholds, or the support foot if m = 0, to the one that ends a stop [m], shape (2,)."""
+
+
+class SupportGeometry:
+    """Polygons of one robot, computed once, and put where the feet are at each tick."""
+
+    def __init__(self, robot: Robot, parameters: Parameters, com_height: float) -> None:
+        """Compute the polygons.
+
+        Raises:
+            EmptyRegionError: if the margin leaves nothing of the sole.
+        """
+        p = parameters
+        self._robot, self._parameters = robot, p
+        at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
+        self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
+        self._regions = {side: polygon(foothold_vertices(robot.foothold_region, side)) for side in Side}
+        timing = StepTiming(
+            p.double_support_duration,
+            p.step_duration - p.double_support_duration,
+            math.sqrt(p.gravity / com_height),
+        )
+        nominal = np.array([0.0, robot.stance_width])
+        spare = nominal + SPARE * (robot.foothold_region - nominal)
+        self._captures = [
+            capture_polygons(robot.sole, margin, region, timing, p.sampling_period)
+            for margin, region in (
+                (p.cop_margin, spare),
+                (p.cop_margin, robot.foothold_region),
+                (0.0, robot.foothold_region),
+            )
+        ]
+
+    def supports(self, support: Footstep, swing: Footstep, horizon: Horizon, yaw_rate: float) -> Supports:
+        """The supports of one tick.
+
+        Args:
+            support: foot that the QP holds fixed.
+            swing: the other foot, where it is now.
+            horizon: supports of the samples to come.
+            yaw_rate: asked of the heading [rad/s].
+        """
+        m = horizon.nb_footholds
+        yaws = foothold_yaws(support, swing, self._turn(horizon, yaw_rate), m)
+        sides = [support.side.other if k % 2 else support.side for k in range(m + 1)]
+        feet = list(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
+
+        centre = horizon.support_selection[:, None] * support.position
+        soles = [self._soles[side].rotated(yaw) for side, yaw in feet]
+        cop_polygons = [soles[int(foot)] for foot in horizon.foot]
+        soon: HalfPlanes | None = self._capture(self._captures[1], horizon, 0, feet)
+        at_end = tuple(self._capture(polygons, horizon, -1, feet) for polygons in self._captures)
+
+        last_side, last_yaw = feet[m]
+        aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
+        if horizon.is_on_both.any():
+            # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
+            to_other, other_yaw = (
+                (aside, last_yaw) if horizon.is_stopping else (swing.position - support.position, swing.yaw)
+            )
+            pair = self._stance(
+                Footstep(last_side, np.zeros(2), last_yaw), Footstep(last_side.other, to_other, other_yaw)
+            )
+            inner = pair.inset(self._parameters.cop_margin)
+            for n in np.flatnonzero(horizon.is_on_both):
+                centre[n] += to_other / 2
+                cop_polygons[n] = inner
+            if horizon.is_on_both[-1]:
+                at_end = (inner, pair)
+            if horizon.is_on_both.all():
+                soon = inner
+            elif horizon.is_on_both[0] or horizon.is_stopping:
+                soon = None
+
+        is_stopping = horizon.is_stopping
+        return Supports(
+            known_centre=centre,
+            selection=horizon.foothold_selection,
+            cop_polygons=tuple(cop_polygons),
+            support_position=support.position,
+            foothold_regions=tuple(self._regions[side.other].rotated(yaw) for side, yaw in feet[:m]),
+            swing_position=swing.position,
+            swing_reach=box(horizon.time_to_touchdown * self._robot.max_foot_speed).rotated(support.yaw),
+            capturable_soon=soon,
+            capturable_at_end=at_end,
+            sides=(*sides[1:], *((last_side.other,) if is_stopping else ())),
+            yaws=(*yaws, *((last_yaw,) if is_stopping else ())),
+            stopping_offset=aside if is_stopping else None,
+        )
+
+    @staticmethod
+    def _capture(
+        polygons: Mapping[Side, tuple[HalfPlanes, ...]], horizon: Horizon, n: int, feet: Sequence[tuple[Side, float]]
+    ) -> HalfPlanes:
+        """Where the divergent component may be at sample n, relative to the foot that carries it."""
+        side, yaw = feet[int(horizon.foot[n])]
+        return polygons[side][min(int(horizon.samples_left[n]), len(polygons[side]) - 1)].rotated(yaw)
+
+    def _turn(self, horizon: Horizon, yaw_rate: float) -> Turn:
+        reach = horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
+        return Turn(yaw_rate, self._parameters.step_duration, reach)
+
+    def _stance(self, one: Footstep, other: Footstep) -> HalfPlanes:
+        """Hull of two soles, relative to the middle between them."""
+        middle = (one.position + other.position) / 2
+        return polygon(np.vstack([sole_vertices(self._robot.sole, foot) for foot in (one, other)]) - middle)
