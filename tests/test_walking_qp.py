@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 import walkcore.pattern_generator as pattern_generator
-from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.errors import NoSolutionFoundError
 from walkcore.lipm import CoMState, preview_matrices
+from walkcore.pattern_generator import Status
+from walkcore.preview import Preview
 from walkcore.qp import QP, solve_qp
-from walkcore.regions import polygon
+from walkcore.regions import box, polygon
+from walkcore.schemes import SCHEMES
 from walkcore.supports import Supports
-from walkcore.walking_qp import Layout, Weights, build_qp, soften_margin
+from walkcore.walking_qp import build_qp, rescue_qp
 
 WALK = [Command(Reference())] * 10 + [Command(Reference(vx=0.3, vy=0.1))] * 20 + [Command(Reference(vx=-0.2))] * 20
 
@@ -56,46 +59,44 @@ def test_no_step_along_a_feasible_direction_lowers_the_cost(problems):
                 assert 0.5 * v @ problem.P @ v + problem.q @ v >= cost - 1e-9 * abs(cost)
 
 
-PAPER = Weights(alpha=1e-6, beta=1.0, gamma=1e-6)
-
-
-def problem_on_one_foot(com, margin=0.03, weights=PAPER):
-    """Standing for ever on the left sole at the origin: no foothold in the horizon."""
+def standing_on_one_foot(com, margin=0.03, first_polygon=None):
+    """For ever on the left sole at the origin: no foothold in the horizon."""
     N = 16
     sole = polygon(load_robot("hrp2").sole).inset(margin)
     supports = Supports(
         known_centre=np.zeros((N, 2)),
         selection=np.zeros((N, 0)),
-        cop_polygons=(sole,) * N,
+        cop_polygons=(first_polygon or sole, *(sole,) * (N - 1)),
+        planned_footholds=np.zeros((0, 2)),
         support_position=np.zeros(2),
         foothold_regions=(),
         swing_position=np.array([0.0, -0.2]),
         swing_reach=sole,
         capturable_soon=None,
-        capturable_at_end=(),
+        spare_at_end=sole,
+        capturable_at_end=sole,
         sides=(),
         yaws=(),
         stopping_offset=None,
     )
-    preview = preview_matrices(np.full(N, 0.1), 0.814)
-    return build_qp(com, supports, np.zeros((N, 2)), preview, weights), supports
+    return Preview(com, supports, preview_matrices(np.full(N, 0.1), 0.814))
 
 
 def test_without_active_constraints_the_solution_is_the_normal_equations():
     com = CoMState([0.001, 0.0], [0.002, -0.001], [0.0, 0.0])
-    weights = Weights(1e-2, 1.0, 1.0)
-    problem, supports = problem_on_one_foot(com, margin=0.0, weights=weights)
-    u = solve_qp(problem).u
-    preview = preview_matrices(np.full(16, 0.1), 0.814)
+    parameters = Parameters(alpha=1e-2, beta=1.0, gamma=1.0)
+    preview = standing_on_one_foot(com, margin=0.0)
+    u = solve_qp(build_qp(preview, np.zeros((16, 2)), parameters)).u
+    lipm = preview.lipm
     terms = [
-        (weights.alpha, np.eye(16), np.zeros((16, 2))),
-        (weights.beta, preview.Pvu, preview.Pvs @ com.matrix),
-        (weights.gamma, preview.Pzu, preview.Pzs @ com.matrix),
+        (parameters.alpha, np.eye(16), np.zeros((16, 2))),
+        (parameters.beta, lipm.Pvu, lipm.Pvs @ com.matrix),
+        (parameters.gamma, lipm.Pzu, lipm.Pzs @ com.matrix),
     ]
     rows = np.vstack([np.sqrt(w) * A for w, A, _ in terms])
     offset = np.vstack([np.sqrt(w) * b for w, _, b in terms])
     expected, *_ = np.linalg.lstsq(rows, -offset, rcond=None)
-    assert np.allclose(Layout.of(supports).jerks(u), expected, atol=1e-5 * np.abs(expected).max())
+    assert np.allclose(preview.layout.jerks(u), expected, atol=1e-5 * np.abs(expected).max())
 
 
 def test_an_infeasible_qp_raises():
@@ -106,24 +107,47 @@ def test_an_infeasible_qp_raises():
         solve_qp(problem)
 
 
+ANYWHERE = box([10.0, 10.0])
+OMEGA = np.sqrt(9.81 / 0.814)
+
+
+def rescue(preview):
+    problem = build_qp(preview, np.zeros((16, 2)), Parameters())
+    return solve_qp(rescue_qp(problem, preview, 0.03, preview.dcm(-1, OMEGA), ANYWHERE)).u
+
+
 def test_a_soft_margin_that_can_be_kept_is_kept():
-    problem, supports = problem_on_one_foot(CoMState([0.0, 0.0], [0.05, 0.1], [0.0, 0.0]))
-    hard, soft = solve_qp(problem).u, solve_qp(soften_margin(problem, supports, 0.03)).u
-    assert np.allclose(Layout.of(supports).jerks(soft), Layout.of(supports).jerks(hard), atol=1e-2)
+    preview = standing_on_one_foot(CoMState([0.0, 0.0], [0.05, 0.1], [0.0, 0.0]))
+    hard = solve_qp(build_qp(preview, np.zeros((16, 2)), Parameters())).u
+    assert np.allclose(preview.layout.jerks(rescue(preview)), preview.layout.jerks(hard), atol=1e-2)
 
 
 def test_a_margin_that_cannot_be_kept_is_given_up_but_never_the_sole():
-    # The CoP is 2 cm outside of the margin and its first sample 5 ms away: jerk alone cannot bring it back.
-    supports_of = problem_on_one_foot(CoMState(np.zeros(2), np.zeros(2), np.zeros(2)))[1]
-    conflicting = replace(supports_of.cop_polygons[0], lower=supports_of.cop_polygons[0].lower + 0.1)
-    supports = replace(supports_of, cop_polygons=(conflicting, *supports_of.cop_polygons[1:]))
-    preview = preview_matrices(np.full(16, 0.1), 0.814)
-    com = CoMState(np.zeros(2), np.zeros(2), np.zeros(2))
-    problem = build_qp(com, supports, np.zeros((16, 2)), preview, PAPER)
+    sole = polygon(load_robot("hrp2").sole).inset(0.03)
+    conflicting = replace(sole, lower=sole.lower + 0.1)  # the first sample is asked to be where no margin is left
+    preview = standing_on_one_foot(CoMState(np.zeros(2), np.zeros(2), np.zeros(2)), first_polygon=conflicting)
     with pytest.raises(NoSolutionFoundError):
-        solve_qp(problem)
-    u = solve_qp(soften_margin(problem, supports, 0.03)).u
-    slack = u[-16:]
+        solve_qp(build_qp(preview, np.zeros((16, 2)), Parameters()))
+    slack = rescue(preview)[-17:-1]
     assert np.all(slack > -1e-8)
     assert np.all(slack < 0.03 + 1e-8)
     assert slack[0] > 0.0
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_every_scheme_walks(scheme):
+    parameters = Parameters(scheme=scheme, control_period=0.05, horizon_samples=32 if scheme == "mean_speed" else 16)
+    simulation = Simulation(load_robot("hrp2"), parameters)
+    start = [simulation.step(Command(Reference(vx=0.2))) for _ in range(80)][-1]
+    end = [simulation.step(Command(Reference(vx=0.2))) for _ in range(96)][-1]
+    assert end.status == Status.SOLVED
+    assert (end.com.position[0] - start.com.position[0]) / 4.8 == pytest.approx(0.2, rel=0.05)
+
+
+def test_a_push_that_needs_another_step_topples_planned_footsteps_only():
+    for scheme, falls in (("full", False), ("adapted_steps", False), ("preview_control", True), ("fixed_steps", True)):
+        parameters = Parameters(scheme=scheme, control_period=0.05, stepping_in_place=True)
+        simulation = Simulation(load_robot("hrp2"), parameters)
+        walk = [simulation.step(Command(push=Push([16.0, 0.0]) if tick == 52 else None)) for tick in range(150)]
+        assert (walk[-1].status == Status.FALLEN) == falls
+        assert bool(walk[-1].reason) == falls

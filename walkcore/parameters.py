@@ -6,9 +6,8 @@ from typing import Any
 
 from walkcore.errors import InvalidValueError
 from walkcore.lipm import GRAVITY
+from walkcore.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
-
-SCHEMES = ("full",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,13 +15,19 @@ class Parameters:
     """Weights, horizon, timing and margins of the walking motion generation."""
 
     scheme: str = "full"
-    """Which terms the objective has; `full` is (19)."""
+    """Which terms the objective has, and who decides the footholds: a name of `schemes.py`; `full` is (19)."""
     alpha: float = 1e-6
     """Weight of the jerk in (19)."""
     beta: float = 1.0
     """Weight of the velocity error in (19)."""
     gamma: float = 1e-6
     """Weight of the distance from the CoP to the middle of the foot in (19)."""
+    delta: float = 1.0
+    """Weight of the error of the mean velocity over two steps in (31)."""
+    cop_tracking: float = 1.0
+    """Weight of the distance from the CoP to the middle of the foot in (11), where nothing else drives the motion."""
+    foothold_weight: float = 1.0
+    """Weight of the distance from the footholds to the planned ones, where the QP may move them."""
     horizon_samples: int = 16
     """N."""
     sampling_period: float = 0.1
@@ -53,6 +58,9 @@ class Parameters:
             ("alpha", 0.0, 1e3),
             ("beta", 0.0, 1e3),
             ("gamma", 0.0, 1e3),
+            ("delta", 0.0, 1e3),
+            ("cop_tracking", 1e-6, 1e3),
+            ("foothold_weight", 1e-6, 1e6),
             ("horizon_samples", 2, 64),
             ("sampling_period", 0.01, 1.0),
             ("control_period", 0.001, 1.0),
@@ -82,6 +90,11 @@ class Parameters:
         if self.samples_per_step < 2:
             raise InvalidValueError("step_duration", self.step_duration, "must be at least two sampling periods")
 
+        if "mean_velocity" in self.terms.weights and self.horizon_samples < 4 * self.samples_per_step:
+            raise InvalidValueError(
+                "horizon_samples", self.horizon_samples, f"must be at least {4 * self.samples_per_step} for mean_speed"
+            )
+
     def _check_multiple(self, name: str, of: str) -> None:
         ratio = getattr(self, name) / getattr(self, of)
         if abs(ratio - round(ratio)) > 1e-9 or round(ratio) < 1:
@@ -104,6 +117,11 @@ class Parameters:
     def to_mapping(self) -> dict[str, Any]:
         """Plain numbers and strings by name."""
         return asdict(self)
+
+    @property
+    def terms(self) -> Scheme:
+        """What the scheme's name stands for."""
+        return SCHEMES[self.scheme]
 
     @property
     def ticks_per_sample(self) -> int:

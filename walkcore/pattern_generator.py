@@ -12,11 +12,13 @@ from walkcore.errors import NoSolutionFoundError
 from walkcore.gait import Footstep, Horizon
 from walkcore.lipm import CoMState, PreviewMatrices, preview_matrices
 from walkcore.parameters import Parameters
+from walkcore.preview import Preview
 from walkcore.qp import QP, solve_qp
 from walkcore.robot import Robot
-from walkcore.supports import SupportGeometry, Supports
+from walkcore.schemes import Footholds
+from walkcore.supports import SupportGeometry
 from walkcore.values import Matrix, Vector, read_only
-from walkcore.walking_qp import AffinePoint, Layout, Weights, build_qp, dcm, keep_inside, soften_margin
+from walkcore.walking_qp import build_qp, rescue_qp
 
 CAPTURE_TOLERANCE = 1e-6  # [m]
 
@@ -60,11 +62,10 @@ class PatternGenerator:
         p = self._parameters = parameters
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self._omega = math.sqrt(p.gravity / self.com_height)
-        self._weights = Weights(p.alpha, p.beta, p.gamma)
         self._geometry = SupportGeometry(robot, p, self.com_height)
-        self._previews = {ticks: self._preview(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
+        self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
 
-    def _preview(self, ticks_to_sample: int) -> PreviewMatrices:
+    def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
         p = self._parameters
         intervals = np.full(p.horizon_samples, p.sampling_period)
         intervals[0] = ticks_to_sample * p.control_period
@@ -86,60 +87,56 @@ class PatternGenerator:
         Raises:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
-        preview = self._previews[horizon.ticks_to_sample]
-        supports = self._geometry.supports(support, swing, horizon, reference.yaw_rate)
-        problem = build_qp(com, supports, _velocities(reference, heading, preview.times), preview, self._weights)
-        u, status, is_capturable = self._solve(
-            problem, supports, [dcm(com, supports, preview, self._omega, n) for n in (0, -1)]
-        )
+        supports = self._geometry.supports(support, swing, horizon, reference)
+        preview = Preview(com, supports, self._lipm[horizon.ticks_to_sample])
+        problem = build_qp(preview, _velocities(reference, heading, preview.lipm.times), self._parameters)
+        u, status, is_capturable = self._solve(problem, preview)
 
-        layout = Layout.of(supports)
-        jerks, positions = layout.jerks(u), layout.footholds(u)
+        lipm, layout = preview.lipm, preview.layout
+        jerks = layout.jerks(u)
+        decided = layout.footholds(u) if layout.nb_footholds else supports.planned_footholds
         if supports.stopping_offset is not None:
-            last = np.vstack([support.position, positions])[-1]
-            positions = np.vstack([positions, last + supports.stopping_offset])
+            last = np.vstack([support.position, decided])[-1]
+            decided = np.vstack([decided, last + supports.stopping_offset])
         return Plan(
-            times=preview.times,
+            times=lipm.times,
             jerks=read_only(jerks),
-            com=read_only(preview.Pps @ com.matrix + preview.Ppu @ jerks),
-            cop=read_only(preview.Pzs @ com.matrix + preview.Pzu @ jerks),
-            footholds=tuple(map(Footstep, supports.sides, positions, supports.yaws)),
+            com=read_only(lipm.Pps @ com.matrix + lipm.Ppu @ jerks),
+            cop=read_only(lipm.Pzs @ com.matrix + lipm.Pzu @ jerks),
+            footholds=tuple(map(Footstep, supports.sides, decided, supports.yaws)),
             status=status,
             is_capturable=is_capturable,
         )
 
-    def _solve(self, problem: QP, supports: Supports, dcm_at: list[AffinePoint]) -> tuple[Vector, Status, bool]:
+    def _solve(self, problem: QP, preview: Preview) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
-        Args:
-            problem: the paper's.
-            supports: those it was built from.
-            dcm_at: the divergent component of motion at the first and at the last sample.
+        A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
 
         Raises:
             NoSolutionFoundError: if nothing is feasible.
         """
-        u = None
+        scheme, u = self._parameters.terms, None
         with suppress(NoSolutionFoundError):
             u = solve_qp(problem).u
-            if _leads_on(Layout.of(supports).axes(u), supports, dcm_at):
+            if scheme.footholds is not Footholds.FREE or self._leads_on(preview, u):
                 return u, Status.SOLVED, True
-        soft = soften_margin(problem, supports, self._parameters.cop_margin)
-        for capturable in supports.capturable_at_end:
-            with suppress(NoSolutionFoundError):
-                return solve_qp(keep_inside(soft, dcm_at[-1], capturable)).u, Status.RELAXED, True
-        return (solve_qp(soft).u if u is None else u), Status.RELAXED, False
+        supports, end = preview.supports, preview.dcm(-1, self._omega)
+        rescue = rescue_qp(problem, preview, self._parameters.cop_margin, end, supports.spare_at_end)
+        u = solve_qp(rescue).u
+        is_capturable = supports.capturable_at_end.excess(end.at(preview.layout.axes(u))[0]) < CAPTURE_TOLERANCE
+        return u, Status.RELAXED, is_capturable
 
+    def _leads_on(self, preview: Preview, u: Vector) -> bool:
+        """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
 
-def _leads_on(axes: Matrix, supports: Supports, dcm_at: list[AffinePoint]) -> bool:
-    """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
-
-    Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
-    """
-    soon, end = (point.at(axes)[0] for point in dcm_at)
-    is_caught = supports.capturable_soon is None or supports.capturable_soon.excess(soon) < CAPTURE_TOLERANCE
-    stands = supports.stopping_offset is None or supports.capturable_at_end[0].excess(end) < CAPTURE_TOLERANCE
-    return is_caught and stands
+        Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
+        """
+        supports, axes = preview.supports, preview.layout.axes(u)
+        soon, end = (preview.dcm(n, self._omega).at(axes)[0] for n in (0, -1))
+        is_caught = supports.capturable_soon is None or supports.capturable_soon.excess(soon) < CAPTURE_TOLERANCE
+        stands = supports.stopping_offset is None or supports.spare_at_end.excess(end) < CAPTURE_TOLERANCE
+        return is_caught and stands
 
 
 def _velocities(reference: Reference, heading: float, times: Vector) -> Matrix:

@@ -62,6 +62,8 @@ def solve_qp(problem: QP) -> Solution:
         NoSolutionFoundError: if PIQP does not reach its tolerance, which an infeasible problem ends in.
     """
     S = problem.scale
+    if not len(problem.lower):
+        return Solution(np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64), np.zeros(0))
     solver = piqp.DenseSolver()
     settings = solver.settings
     settings.eps_abs = settings.eps_rel = TOLERANCE

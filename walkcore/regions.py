@@ -47,6 +47,13 @@ class HalfPlanes:
         """Between opposite edges [m], shape (E,)."""
         return self.upper - self.lower
 
+    def fraction_inside(self, start: Vector, move: Vector) -> float:
+        """How much of a move from a point inside stays inside, in [0, 1]."""
+        at, along = self.normals @ start, self.normals @ move
+        room = np.where(along > 0.0, self.upper - at, self.lower - at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.clip(np.min(np.where(np.abs(along) > 1e-12, room / along, np.inf)), 0.0, 1.0))
+
     def excess(self, point: ArrayLike) -> float:
         """How far a point lies outside [m]; negative inside, where it is the distance to the nearest edge."""
         along = self.normals @ np.asarray(point)

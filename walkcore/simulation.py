@@ -14,6 +14,7 @@ from walkcore.gait import Footstep, Gait, Phase, Side
 from walkcore.lipm import CoMState
 from walkcore.parameters import Parameters
 from walkcore.pattern_generator import PatternGenerator, Plan, Status
+from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, read_only, rotation
@@ -177,10 +178,21 @@ class Simulation:
             limit = self.robot.max_com_distance
             self._fall_down(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
             return None
+        if not self.parameters.terms.is_constrained and self._cop_excess() > 0.0:
+            x, y = self._com.cop(self.com_height, self.parameters.gravity)
+            self._fall_down(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
+            return None
         wants_to_walk = self.parameters.stepping_in_place or not reference.is_zero
         return self._first_that_works(
             self._gait.choices(self._tick, wants_to_walk, _first_support(reference)), reference
         )
+
+    def _cop_excess(self) -> float:
+        """How far the CoP is outside of the soles on the ground [m]; negative inside."""
+        is_single = self._gait.phase(self._tick) is Phase.SINGLE_SUPPORT
+        feet = [self._support] if is_single else [self._support, self._swing]
+        ground = polygon(np.vstack([sole_vertices(self.robot.sole, foot) for foot in feet]))
+        return ground.excess(self._com.cop(self.com_height, self.parameters.gravity))
 
     def _first_that_works(self, choices: tuple[Gait, ...], reference: Reference) -> Plan | None:
         """Take the first gait whose plan keeps every margin, else the first that does not lead to a fall."""

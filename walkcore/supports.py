@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from walkcore.capture import StepTiming, capture_polygons
+from walkcore.command import Reference
 from walkcore.gait import Footstep, Horizon, Side
 from walkcore.orientation import Turn, foothold_yaws
 from walkcore.parameters import Parameters
 from walkcore.regions import HalfPlanes, box, foothold_vertices, polygon, sole_vertices
 from walkcore.robot import Robot
+from walkcore.schemes import Footholds
 from walkcore.values import Matrix, Vector, rotation
 
-SPARE = 0.5  # fraction of the foothold region that a plan which had to be corrected may count on after its end
+SPARE = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +33,8 @@ class Supports:
     """U of (22), shape (N, m)."""
     cop_polygons: tuple[HalfPlanes, ...]
     """Where the CoP of each sample may be relative to the centre; N of them."""
+    planned_footholds: Matrix
+    """Where a planner would put the footholds that carry samples [m]; m of them where the QP chooses, shape (., 2)."""
     support_position: Vector
     """Foot on the ground, shape (2,) [m]."""
     foothold_regions: tuple[HalfPlanes, ...]
@@ -42,8 +46,10 @@ class Supports:
     capturable_soon: HalfPlanes | None
     """Where the divergent component of motion may be at the first sample relative to its centre, if steps that keep
     all margins are to catch the robot; None where a stand turns into a walk or a walk into a stand."""
-    capturable_at_end: tuple[HalfPlanes, ...]
-    """Where it may be at the last sample: best with room to spare, then with all margins, at worst without."""
+    spare_at_end: HalfPlanes
+    """Where it should be at the last sample, for steps that keep all margins and have room to spare."""
+    capturable_at_end: HalfPlanes
+    """Where it must be at the last sample, for steps that use the whole soles."""
     sides: tuple[Side, ...]
     """Of the m footholds, and of the one that ends a stop."""
     yaws: tuple[float, ...]
@@ -71,8 +77,8 @@ class SupportGeometry:
             p.step_duration - p.double_support_duration,
             math.sqrt(p.gravity / com_height),
         )
-        nominal = np.array([0.0, robot.stance_width])
-        spare = nominal + SPARE * (robot.foothold_region - nominal)
+        middle = np.mean(robot.foothold_region, axis=0)
+        spare = middle + SPARE * (robot.foothold_region - middle)
         self._captures = [
             capture_polygons(robot.sole, margin, region, timing, p.sampling_period)
             for margin, region in (
@@ -82,25 +88,31 @@ class SupportGeometry:
             )
         ]
 
-    def supports(self, support: Footstep, swing: Footstep, horizon: Horizon, yaw_rate: float) -> Supports:
+    def supports(self, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference) -> Supports:
         """The supports of one tick.
 
         Args:
             support: foot that the QP holds fixed.
             swing: the other foot, where it is now.
             horizon: supports of the samples to come.
-            yaw_rate: asked of the heading [rad/s].
+            reference: velocity asked, in the heading frame.
         """
         m = horizon.nb_footholds
-        yaws = foothold_yaws(support, swing, self._turn(horizon, yaw_rate), m)
+        yaws = foothold_yaws(support, swing, self._turn(horizon, reference.yaw_rate), m)
         sides = [support.side.other if k % 2 else support.side for k in range(m + 1)]
         feet = list(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
 
+        planned = self._planned(support.position, feet, reference)
+        is_planned = self._parameters.terms.footholds is Footholds.PLANNED
+        selection = horizon.foothold_selection
         centre = horizon.support_selection[:, None] * support.position
+        if is_planned:
+            centre += selection @ planned
+            selection = selection[:, :0]
         soles = [self._soles[side].rotated(yaw) for side, yaw in feet]
         cop_polygons = [soles[int(foot)] for foot in horizon.foot]
         soon: HalfPlanes | None = self._capture(self._captures[1], horizon, 0, feet)
-        at_end = tuple(self._capture(polygons, horizon, -1, feet) for polygons in self._captures)
+        spare, capturable = (self._capture(self._captures[k], horizon, -1, feet) for k in (0, 2))
 
         last_side, last_yaw = feet[m]
         aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
@@ -117,7 +129,7 @@ class SupportGeometry:
                 centre[n] += to_other / 2
                 cop_polygons[n] = inner
             if horizon.is_on_both[-1]:
-                at_end = (inner, pair)
+                spare, capturable = inner, pair
             if horizon.is_on_both.all():
                 soon = inner
             elif horizon.is_on_both[0] or horizon.is_stopping:
@@ -126,14 +138,16 @@ class SupportGeometry:
         is_stopping = horizon.is_stopping
         return Supports(
             known_centre=centre,
-            selection=horizon.foothold_selection,
+            selection=selection,
             cop_polygons=tuple(cop_polygons),
             support_position=support.position,
-            foothold_regions=tuple(self._regions[side.other].rotated(yaw) for side, yaw in feet[:m]),
+            planned_footholds=planned,
+            foothold_regions=() if is_planned else tuple(self._regions[s.other].rotated(yaw) for s, yaw in feet[:m]),
             swing_position=swing.position,
             swing_reach=box(horizon.time_to_touchdown * self._robot.max_foot_speed).rotated(support.yaw),
             capturable_soon=soon,
-            capturable_at_end=at_end,
+            spare_at_end=spare,
+            capturable_at_end=capturable,
             sides=(*sides[1:], *((last_side.other,) if is_stopping else ())),
             yaws=(*yaws, *((last_yaw,) if is_stopping else ())),
             stopping_offset=aside if is_stopping else None,
@@ -146,6 +160,17 @@ class SupportGeometry:
         """Where the divergent component may be at sample n, relative to the foot that carries it."""
         side, yaw = feet[int(horizon.foot[n])]
         return polygons[side][min(int(horizon.samples_left[n]), len(polygons[side]) - 1)].rotated(yaw)
+
+    def _planned(self, start: Vector, feet: Sequence[tuple[Side, float]], reference: Reference) -> Matrix:
+        """Footholds that follow the reference velocity step by step, as far as their regions allow, shape (m, 2)."""
+        drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
+        positions = [start]
+        for side, yaw in feet[:-1]:
+            aside = np.array([0.0, side.other.sign * self._robot.stance_width])
+            region = self._regions[side.other]
+            stride = aside + region.fraction_inside(aside, drift) * drift
+            positions.append(positions[-1] + rotation(yaw) @ stride)
+        return np.array(positions[1:]).reshape(-1, 2)
 
     def _turn(self, horizon: Horizon, yaw_rate: float) -> Turn:
         reach = horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
