@@ -1,5 +1,6 @@
 """A real server, started as a user starts it."""
 
+import signal
 import subprocess
 import sys
 import threading
@@ -62,7 +63,7 @@ def server() -> Iterator[Server]:
     server = start_server("--scene", "light")
     yield server
     server.process.terminate()
-    server.process.wait(10)
+    assert server.process.wait(10) == -signal.SIGTERM, f"the server had ended before: {server.output}"
     assert "Traceback" not in "".join(server.output), "".join(server.output)
 
 

@@ -57,6 +57,7 @@ def test_health_tells_how_the_walk_keeps_up(api):
 def test_live_snapshot_has_every_column_and_the_plan(api):
     api.post("live/pause")
     api.post("live/reset")
+    api.put("live/reference", json={"vx": 0.2})
     state = api.post("live/step", json={"ticks": 300}).json()
     assert [name for name in COLUMNS if name not in state] == []
     assert state["tick"] == 300 and state["t"] == pytest.approx(300 * PERIOD)
@@ -356,5 +357,5 @@ def test_server_stops_at_once_though_somebody_watches(how):
     with connect(server.socket_url("stream")) as stream:
         stream.recv(PATIENCE)
         server.process.send_signal(how)
-        server.process.wait(10.0)
+        assert server.process.wait(10.0) == (0 if how == signal.SIGINT else -how)
     assert "Traceback" not in "".join(server.output) and "ERROR" not in "".join(server.output)

@@ -1,0 +1,46 @@
+# make run     set everything up and serve the demo on HOST:PORT (127.0.0.1:8000)
+# make test    set everything up and check it
+
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/installed
+BROWSERS := chromium chromium-browser google-chrome
+
+# Debian packages that are missing, as root or by sudo where it asks for no password: $(call debian,PACKAGE,WHAT FOR)
+APT := $$([ "$$(id -u)" = 0 ] || echo sudo -n) env DEBIAN_FRONTEND=noninteractive apt-get
+debian = { echo 'make: installing $(1) $(2)'; { $(APT) update -qq && $(APT) install -y -qq $(1); } >/dev/null 2>&1; } \
+	|| { echo 'make: $(1) is missing $(2); install it: apt-get install $(1)' >&2; exit 1; }
+
+.PHONY: run test check install browser lock
+
+run: install
+	@exec $(BIN)/walk serve
+
+test: check browser
+	$(BIN)/pytest
+
+check: install
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+
+install: $(STAMP)
+
+# By pip, which is what a fresh machine has. All comes from the lock, the tools that install the project itself included.
+$(STAMP): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo 'make: Python 3.11 or newer is needed; name it: make PYTHON=...' >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || $(call debian,python3-venv,for the virtual environment)
+	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || $(call debian,libgomp1,for Pinocchio)
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+browser:
+	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libatomic.so.1")' 2>/dev/null || $(call debian,libatomic1,for Playwright)
+	@for name in $(BROWSERS); do command -v $$name >/dev/null && exit 0; done; $(call debian,chromium,for the tests of the page)
+
+lock:
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --generate-hashes --python-version 3.11 \
+		--quiet --output-file requirements.lock

@@ -1,0 +1,1 @@
+"""The server: real-time runner, viser scene, REST, command line."""

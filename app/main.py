@@ -1,0 +1,57 @@
+"""The server: wires runner, viewer, routes and page together, and stops them."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+from fastapi import FastAPI
+from fastapi.responses import FileResponse
+from fastapi.staticfiles import StaticFiles
+
+from app import errors
+from app.origin import SameOriginMiddleware
+from app.proxy import viewer_router
+from app.routes import live, service, sockets
+from app.runner import Runner
+from app.settings import Settings
+from app.viewer import LIGHT, Look, Viewer
+from walkcore import Parameters, load_robot
+
+LIVE = Parameters(initial_double_support_duration=0.3)  # the paper takes 0.8 s; a hand on a joystick waits for the step
+STATIC = Path(__file__).parent.parent / "static"
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application; the robot stands ready, and walks while the application runs.
+
+    Raises:
+        WalkError: if there is no such robot.
+    """
+    runner = Runner(load_robot(settings.robot), LIVE)
+    viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        runner.start()
+        viewer.start()
+        try:
+            yield
+        finally:
+            viewer.stop()
+            runner.stop()
+
+    app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
+    app.state.runner = runner
+    app.state.nb_streams = 0
+    errors.install(app)
+    app.add_middleware(SameOriginMiddleware)
+    for routes in (live.router, sockets.router, service.router, viewer_router(lambda: viewer.port)):
+        app.include_router(routes)
+
+    @app.get("/", include_in_schema=False)
+    async def page() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    return app

@@ -1,0 +1,82 @@
+"""viser behind our own port: its page at `/viewer/`, its websocket at `/viewer`.
+
+viser's client opens the websocket at its page's address without the trailing slash.
+It has no authentication and takes any Origin, so it listens on the loopback only, and
+`app.origin` refuses foreign pages before they come here.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import viser
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi.responses import FileResponse
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import WebSocketException
+
+CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
+RECEIVE_BUFFER = 16 * 1024  # bytes; what waits here for a slow browser cannot be overtaken by newer poses
+TRY_AGAIN_LATER = 1013
+
+
+def viewer_router(port: Callable[[], int]) -> APIRouter:
+    """Routes that lead to the viser server on a port of the loopback."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/viewer/")
+    async def page() -> FileResponse:
+        return FileResponse(CLIENT, headers={"Cache-Control": "no-cache"})
+
+    @router.websocket("/viewer")
+    async def scene(browser: WebSocket) -> None:
+        try:
+            upstream = await _connect(port(), browser.scope["subprotocols"])
+        except (OSError, WebSocketException):
+            await browser.close(TRY_AGAIN_LATER)
+            return
+        async with upstream:
+            await browser.accept(subprotocol=upstream.subprotocol)
+            await _relay(browser, upstream)
+
+    return router
+
+
+async def _connect(port: int, subprotocols: list[str]) -> ClientConnection:
+    """Open a websocket to viser, which closes one that does not name its subprotocol."""
+    end = socket.socket()
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+    end.setblocking(False)
+    await asyncio.get_running_loop().sock_connect(end, ("127.0.0.1", port))
+    return await connect(
+        f"ws://127.0.0.1:{port}",
+        sock=end,
+        subprotocols=subprotocols,  # pyright: ignore[reportArgumentType]  # Subprotocol is a str
+        compression=None,
+        max_size=None,
+        max_queue=2,
+    )
+
+
+async def _relay(browser: WebSocket, upstream: ClientConnection) -> None:
+    """Pass messages both ways until one side closes."""
+
+    async def down() -> None:
+        async for message in upstream:
+            await (browser.send_text(message) if isinstance(message, str) else browser.send_bytes(message))
+        await browser.close()
+
+    async def up() -> None:
+        while (message := await browser.receive())["type"] == "websocket.receive":
+            await upstream.send(message.get("bytes") or message.get("text") or b"")
+
+    pumps = [asyncio.ensure_future(pump()) for pump in (down, up)]
+    try:
+        await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for pump in pumps:
+            pump.cancel()
+        for outcome in await asyncio.gather(*pumps, return_exceptions=True):
+            if isinstance(outcome, Exception) and not isinstance(outcome, (WebSocketDisconnect, WebSocketException)):
+                raise outcome

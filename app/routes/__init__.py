@@ -1,0 +1,1 @@
+"""REST and websockets: parse, wish or read, answer."""

@@ -1,0 +1,15 @@
+"""What the routes find in the application."""
+
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from app.runner import Runner
+
+
+def _runner(connection: HTTPConnection) -> Runner:
+    return connection.app.state.runner
+
+
+LiveRunner = Annotated[Runner, Depends(_runner)]

@@ -1,0 +1,56 @@
+"""The robot that walks on the page: what it does, and what it is asked."""
+
+import asyncio
+from typing import Any
+
+from fastapi import APIRouter
+
+from app.routes.connection import LiveRunner
+from app.schemas import ErrorBody, PushBody, ReferenceBody, StepBody, live_json
+
+router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={422: {"model": ErrorBody}})
+
+
+@router.get("")
+async def live(runner: LiveRunner) -> dict[str, Any]:
+    """The latest snapshot: the columns of a recording, `q`, the plan, timing, and who drives."""
+    return live_json(runner.latest, runner.robot)
+
+
+@router.put("/reference")
+async def reference(body: ReferenceBody, runner: LiveRunner) -> ReferenceBody:
+    """Ask for a velocity from the next tick on, until somebody asks for another."""
+    runner.drive(body.to_reference(), "rest")
+    return body
+
+
+@router.post("/push")
+async def push(body: PushBody, runner: LiveRunner) -> PushBody:
+    """Shove the robot at the next tick; of several within one tick the last one counts."""
+    runner.push(body.to_push())
+    return body
+
+
+@router.post("/pause")
+async def pause(runner: LiveRunner) -> dict[str, Any]:
+    """Stop time; answers the snapshot at which it stands still."""
+    return live_json(await asyncio.wrap_future(runner.pause()), runner.robot)
+
+
+@router.post("/resume")
+async def resume(runner: LiveRunner) -> dict[str, Any]:
+    """Let time pass again."""
+    return live_json(await asyncio.wrap_future(runner.resume()), runner.robot)
+
+
+@router.post("/step", responses={409: {"model": ErrorBody, "description": "The robot is not paused."}})
+async def step(runner: LiveRunner, body: StepBody | None = None) -> dict[str, Any]:
+    """Take single ticks while paused; answers the snapshot of the last one."""
+    ticks = (body or StepBody()).ticks
+    return live_json(await asyncio.wrap_future(runner.step(ticks)), runner.robot)
+
+
+@router.post("/reset")
+async def reset(runner: LiveRunner) -> dict[str, Any]:
+    """Put the robot back to rest at tick 0, with nothing asked of it; a paused one stays paused."""
+    return live_json(await asyncio.wrap_future(runner.reset()), runner.robot)

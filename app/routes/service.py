@@ -1,0 +1,53 @@
+"""About the server itself, and the robots it knows."""
+
+import time
+from importlib.metadata import version
+
+import psutil
+from fastapi import APIRouter, Request
+
+from app.routes.connection import LiveRunner
+from app.runner import LiveState
+from app.schemas import Health, RobotBody, robot_body
+from walkcore import load_robot, robot_names
+
+SLOW = 0.95  # real-time factor below which a walk is degraded
+
+router = APIRouter(prefix="/api/v1", tags=["service"])
+process = psutil.Process()
+
+
+@router.get("/health")
+async def health(request: Request, runner: LiveRunner) -> Health:
+    """Whether the walk keeps up with real time, and what it costs."""
+    state = runner.latest
+    reason = _trouble(state)
+    return Health(
+        status="degraded" if reason else "ok",
+        reason=reason,
+        version=version("walk"),
+        robot=runner.robot.name,
+        tick_rate=1.0 / runner.parameters.control_period,
+        real_time_factor=state.timing.real_time_factor,
+        tick_ms=state.timing.tick_ms,
+        tick_ms_max=state.timing.tick_ms_max,
+        misses=state.timing.misses,
+        memory_mb=process.memory_info().rss / 1e6,
+        uptime=time.time() - process.create_time(),
+        clients=request.app.state.nb_streams,
+    )
+
+
+@router.get("/robots")
+async def robots() -> list[RobotBody]:
+    """The robots that ship, with the limits of what may be asked of them."""
+    return [robot_body(load_robot(name)) for name in robot_names()]
+
+
+def _trouble(state: LiveState) -> str:
+    """What keeps the server from its work; a robot that has fallen does not."""
+    if state.fault:
+        return state.fault
+    if state.running and state.timing.real_time_factor < SLOW:
+        return f"simulated time runs at {state.timing.real_time_factor:.2f} of real time"
+    return ""

@@ -1,0 +1,108 @@
+"""The robot itself: its meshes where Pinocchio's forward kinematics puts them, or a point mass on two legs."""
+
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
+import viser
+
+from app.viewer.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
+from app.viewer.robot_mesh import body_parts
+from app.viewer.shapes import plate
+from app.viewer.stream import Stream
+from walkcore import Robot, Snapshot
+from walkcore.gait import Side
+from walkcore.pattern_generator import Status
+from walkcore.regions import mirrored
+from walkcore.robot import BodyModel
+
+SEE_THROUGH = 0.3  # opacity
+FALLEN_SHARE = 0.6  # of the colour of a fallen robot
+FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
+
+
+class RobotDrawing(Protocol):
+    """Whatever draws the robot of a snapshot."""
+
+    def update(self, stream: Stream, snapshot: Snapshot) -> None:
+        """Put the robot where the snapshot says."""
+        ...
+
+    def see_through(self, stream: Stream, is_see_through: bool) -> None:
+        """Let the centre of mass show through the robot, or not."""
+        ...
+
+
+def draw_robot(server: viser.ViserServer, root: str, robot: Robot, face_ratio: float) -> RobotDrawing:
+    """The drawing that fits a robot, below the node `root`."""
+    if robot.body is None:
+        return PointMassDrawing(server, root, robot)
+    return BodyDrawing(server, root, robot.body, face_ratio)
+
+
+class BodyDrawing:
+    """The visual meshes of a whole body."""
+
+    def __init__(self, server: viser.ViserServer, root: str, body: BodyModel, face_ratio: float) -> None:
+        """Load and send the meshes once."""
+        self._model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        self._data = self._model.createData()
+        self._joints: dict[int, str] = {}
+        self._parts: dict[str, Colour] = {}
+        self._has_fallen = False
+        for index, part in enumerate(body_parts(body, self._model, face_ratio)):
+            if part.joint not in self._joints:
+                self._joints[part.joint] = f"{root}/{self._model.names[part.joint]}"
+                server.scene.add_frame(self._joints[part.joint], show_axes=False)
+            name = f"{self._joints[part.joint]}/{index}"
+            server.scene.add_mesh_simple(name, part.vertices, part.faces, color=part.colour, receive_shadow=False)
+            self._parts[name] = part.colour
+
+    def update(self, stream: Stream, snapshot: Snapshot) -> None:
+        """Put every link where forward kinematics says."""
+        if snapshot.q is None:
+            return
+        pin.forwardKinematics(self._model, self._data, snapshot.q)
+        for joint, name in self._joints.items():
+            x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.oMi[joint]).tolist()
+            stream.position(name, (x, y, z))
+            stream.orientation(name, (qw, qx, qy, qz))
+        has_fallen = snapshot.status is Status.FALLEN
+        if has_fallen is not self._has_fallen:
+            self._has_fallen = has_fallen
+            for name, colour in self._parts.items():
+                stream.properties(name, color=mixed(colour, FALLEN, FALLEN_SHARE * has_fallen))
+
+    def see_through(self, stream: Stream, is_see_through: bool) -> None:
+        """Make the meshes translucent, or solid again."""
+        for name in self._parts:
+            stream.properties(name, opacity=SEE_THROUGH if is_see_through else None, cast_shadow=not is_see_through)
+
+
+class PointMassDrawing:
+    """A robot without a body, as in the paper's figures: a mass, two legs, two soles."""
+
+    def __init__(self, server: viser.ViserServer, root: str, robot: Robot) -> None:
+        """Make the nodes once."""
+        self._mass, self._legs = f"{root}/mass", f"{root}/legs"
+        self._feet = {side: f"{root}/{side.name.lower()}_foot" for side in Side}
+        server.scene.add_icosphere(self._mass, radius=0.09, color=COM)
+        server.scene.add_line_segments(self._legs, np.zeros((2, 2, 3)), colors=LEFT_FOOT, thickness=0.03)
+        for side, colour in ((Side.LEFT, LEFT_FOOT), (Side.RIGHT, RIGHT_FOOT)):
+            sole = robot.sole if side is Side.LEFT else mirrored(robot.sole)
+            server.scene.add_mesh_simple(self._feet[side], *plate(sole, FOOT_THICKNESS), color=colour)
+
+    def update(self, stream: Stream, snapshot: Snapshot) -> None:
+        """Put mass, legs and soles in place."""
+        com = np.array([*snapshot.com.position, snapshot.com_height])
+        stream.position(self._mass, com)
+        legs = []
+        for side, foot in snapshot.feet.items():
+            sole = np.array([*foot.position, foot.height])
+            legs.append((com, sole + [0.0, 0.0, FOOT_THICKNESS]))
+            stream.on_ground(self._feet[side], foot.position, foot.yaw, foot.height)
+        stream.properties(self._legs, points=np.array(legs, dtype=np.float32))
+        stream.properties(self._mass, color=FALLEN if snapshot.status is Status.FALLEN else COM)
+
+    def see_through(self, stream: Stream, is_see_through: bool) -> None:
+        """Nothing hides the mass of this robot."""

@@ -1,0 +1,48 @@
+// The frame that holds the viser scene: its colours, its camera, its panel, and its way back after a loss.
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
+const VIEWS = {
+  wide: { position: "-2.45,1.75,1.55", lookAt: "0.15,0,0.78" },
+  tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
+  low: { position: "-2.6,1.85,1.5", lookAt: "0.1,0,0.7" },
+};
+
+export class Scene {
+  /** @param {{onLoad: (window: Window) => void}} options, called each time the frame has loaded */
+  constructor({ onLoad }) {
+    this.frame = document.getElementById("viewer");
+    this.toggle = document.getElementById("panel");
+    this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
+    this.frame.addEventListener("load", () => {
+      this.dress();
+      onLoad(this.frame.contentWindow);
+    });
+    this.toggle.addEventListener("click", () => this.showPanel(!this.hasPanel));
+    dark.addEventListener("change", () => this.load());
+    this.load();
+  }
+
+  load() {
+    const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
+    const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
+    if (dark.matches) query.set("darkMode", "");
+    this.frame.src = `/viewer/?${query}`;
+  }
+
+  /** Our ground below the scene, and viser's panel out of the way of the page's own controls. */
+  dress() {
+    const link = this.frame.contentDocument.createElement("link");
+    link.rel = "stylesheet";
+    link.href = "/static/viewer.css";
+    this.frame.contentDocument.head.append(link);
+    this.showPanel(this.hasPanel);
+  }
+
+  showPanel(isShown) {
+    this.hasPanel = isShown;
+    this.toggle.ariaPressed = String(isShown);
+    document.body.classList.toggle("has-panel", isShown);
+    this.frame.contentDocument?.documentElement.classList.toggle("no-panel", !isShown);
+  }
+}

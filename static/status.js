@@ -1,0 +1,81 @@
+// The strip: speed asked and reached, timing, phase, and who is wrong when something is.
+
+const MEAN_OVER = 1.6; // s, two steps: the CoM sways within them
+const STILL = 0.02; // m/s
+const SHOWN_FOR = 1200; // ms at least: a solve or two at the limit would only flicker
+const SIDES = ["left", "right"];
+
+const text = (id, value) => {
+  const element = document.getElementById(id);
+  if (element.textContent !== value) element.textContent = value;
+};
+
+export class Status {
+  constructor() {
+    this.strip = document.querySelector(".strip");
+    this.alarm = document.getElementById("alarm");
+    this.history = [];
+    this.limitEnds = 0;
+  }
+
+  show(live) {
+    text("asked", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
+    text("reached", (Math.round(100 * this.reached(live)) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
+    text("phase", phase(live));
+    text("tick", live.timing.tick_ms.toFixed(1));
+    text("factor", live.timing.real_time_factor.toFixed(2));
+    text("driver", live.driver === "none" ? "nobody" : live.driver);
+    this.judge(live);
+  }
+
+  /** Mean velocity over two steps, along the one asked for where there is one [m/s]. */
+  reached(live) {
+    const { history } = this;
+    if (history.length && live.t < history.at(-1).t) history.length = 0;
+    history.push({ t: live.t, x: live.com_x, y: live.com_y });
+    while (history.length > 2 && live.t - history[1].t >= MEAN_OVER) history.shift();
+    const [first, last] = [history[0], history.at(-1)];
+    const time = last.t - first.t;
+    if (time <= 0) return 0;
+    const [x, y] = [(last.x - first.x) / time, (last.y - first.y) / time];
+    const heading = (live.left_yaw + live.right_yaw) / 2;
+    const forward = x * Math.cos(heading) + y * Math.sin(heading);
+    const left = y * Math.cos(heading) - x * Math.sin(heading);
+    const asked = Math.hypot(live.reference_vx, live.reference_vy);
+    if (asked < STILL) return Math.hypot(forward, left);
+    return (forward * live.reference_vx + left * live.reference_vy) / asked;
+  }
+
+  judge(live) {
+    if (live.fault) this.set("fault", "stopped", `The server stopped the robot: ${live.fault}`);
+    else if (live.status === 2) this.set("fallen", "fallen", `Fallen: ${live.reason || "no step can catch the robot"}. Press Reset.`);
+    else if (!live.running) this.set("paused", "paused");
+    else if (this.isAtLimit(live)) this.set("relaxed", "at its limit", "Solver relaxed: sole margin given up", "warn");
+    else if (live.phase === 0) this.set("standing", "standing");
+    else this.set("walking", "walking");
+  }
+
+  isAtLimit(live) {
+    const now = performance.now();
+    if (live.status === 1) this.limitEnds = now + SHOWN_FOR;
+    return now < this.limitEnds;
+  }
+
+  lost() {
+    this.history.length = 0;
+    this.set("lost", "no connection", "Connection lost, retrying …");
+  }
+
+  set(state, word, message = "", level = "bad") {
+    this.strip.dataset.state = state;
+    text("state", word);
+    this.alarm.dataset.level = level;
+    if (this.alarm.textContent !== message) this.alarm.textContent = message;
+    this.alarm.hidden = !message;
+  }
+}
+
+function phase(live) {
+  if (live.phase === 0) return "both feet";
+  return live.phase === 1 ? "double support" : `${SIDES[live.support_side]} support`;
+}

@@ -1,0 +1,228 @@
+"""The page in a real browser, as a person uses it.
+
+Browsers without a graphics card render the scene on the processors that the walk needs too:
+a small window and the light scene leave enough of them. Waits count simulated time, not time on the wall.
+"""
+
+import io
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+
+import httpx
+import numpy as np
+import pytest
+from conftest import Server
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+DESKTOP = {"viewport": {"width": 640, "height": 480}}
+PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
+TICKS_PER_SECOND = 200
+PATIENCE = 120.0  # [s] on the wall, after which something hangs
+UP = re.compile("walking|standing")
+SAMPLE = 0.05  # [s] between looks at the robot
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    assert path is not None, "no browser; `make browser` installs one"
+    with sync_playwright() as playwright:
+        # Without a sandbox, so that it starts as root, too; it sees our own page only.
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Callable[..., Page]]:
+    """Opens the page, and holds it to write no errors to the console until the test is over."""
+    pages: list[Page] = []
+    complaints: list[str] = []
+
+    def open_page(**device) -> Page:
+        page = browser.new_context(**device).new_page()
+        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("response", lambda answer: complaints.append(answer.url) if answer.status >= 400 else None)
+        pages.append(page)
+        page.goto(server.url)
+        expect(page.get_by_test_id("status")).to_contain_text(UP, timeout=1e3 * PATIENCE)
+        canvas = page.frame_locator("[data-testid=viewer]").locator("canvas").first
+        expect(canvas).to_be_visible(timeout=1e3 * PATIENCE)
+        return page
+
+    yield open_page
+    for page in pages:
+        page.context.close()
+    assert complaints == []
+
+
+def live(api: httpx.Client) -> dict:
+    return api.get("live").json()
+
+
+def watch(api: httpx.Client, seconds: float, until: Callable[[dict], bool] = lambda _: False) -> list[dict]:
+    """Snapshots over some simulated time, or until a condition holds."""
+    states = [live(api)]
+    give_up = time.monotonic() + PATIENCE
+    while states[-1]["tick"] < states[0]["tick"] + seconds * TICKS_PER_SECOND and not until(states[-1]):
+        assert time.monotonic() < give_up, "simulated time stands still"
+        time.sleep(SAMPLE)
+        states.append(live(api))
+    return states
+
+
+def centre(element: Locator) -> tuple[float, float]:
+    box = element.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def moved(states: list[dict]) -> np.ndarray:
+    return np.array([states[-1][name] - states[0][name] for name in ("com_x", "com_y")])
+
+
+def test_robot_is_visibly_there_and_moves(visit, api):
+    page = visit(**DESKTOP)
+    viewer = page.get_by_test_id("viewer")
+    with_robot = until_drawn(viewer)
+    assert len(np.unique(with_robot.reshape(-1, 3), axis=0)) > 500
+    api.put("live/reference", json={"vx": 0.2})
+    watch(api, 1.5)
+    assert np.mean(np.abs(picture(viewer) - with_robot) > 24) > 0.002
+
+
+def picture(element: Locator) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(element.screenshot())).convert("RGB"), dtype=int)
+
+
+def until_drawn(element: Locator) -> np.ndarray:
+    """A picture in which there is more to see than ground and grid: the robot's dark and light parts."""
+    give_up = time.monotonic() + PATIENCE
+    while np.ptp(image := picture(element)) < 150 or len(np.unique(image.reshape(-1, 3), axis=0)) <= 500:
+        assert time.monotonic() < give_up, "nothing was drawn"
+        time.sleep(0.5)
+    return image
+
+
+class Finger:
+    """A touch that drags; Playwright itself only taps."""
+
+    def __init__(self, page: Page) -> None:
+        self._session = page.context.new_cdp_session(page)
+
+    def _send(self, kind: str, *points: tuple[float, float]) -> None:
+        touches = [{"x": x, "y": y} for x, y in points]
+        self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        self._send("touchStart", start)
+        self._send("touchMove", end)
+
+    def lift(self) -> None:
+        self._send("touchEnd")
+
+
+class Mouse:
+    """The same by mouse."""
+
+    def __init__(self, page: Page) -> None:
+        self._mouse = page.mouse
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        self._mouse.move(*start)
+        self._mouse.down()
+        self._mouse.move(*end, steps=4)
+
+    def lift(self) -> None:
+        self._mouse.up()
+
+
+@pytest.mark.parametrize(
+    ("device", "hand", "drag", "direction"),
+    [
+        (DESKTOP, Mouse, (0, -1), (1, 0)),
+        (DESKTOP, Mouse, (1, 0), (0, -1)),
+        (PHONE, Finger, (0, -1), (1, 0)),
+    ],
+    ids=["mouse-forward", "mouse-right", "finger-forward"],
+)
+def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api, device, hand, drag, direction):
+    page = visit(**device)
+    x, y = centre(page.get_by_test_id("joystick"))
+    start = live(api)
+
+    def progress(state: dict) -> float:
+        return float(moved([start, state]) @ direction)
+
+    pointer = hand(page)
+    pointer.drag((x, y), (x + 60 * drag[0], y + 60 * drag[1]))
+    states = watch(api, 8.0, until=lambda state: progress(state) > 0.3)
+    pointer.lift()
+    along, across = progress(states[-1]), moved([start, states[-1]]) @ (-direction[1], direction[0])
+    assert along > 0.2 and abs(across) < 0.6 * along
+    assert any(state["driver"] == "joystick" for state in states)
+
+    released = watch(api, 2.0, until=lambda state: state["driver"] == "none")[-1]
+    assert (released["reference_vx"], released["reference_vy"]) == (0.0, 0.0)
+    watch(api, 2.4)
+    assert np.linalg.norm(moved(watch(api, 1.6))) < 0.06  # two steps on the spot
+    assert live(api)["status"] == 0
+
+
+def test_push_button_makes_the_velocity_jump_and_the_robot_keeps_walking(visit, api):
+    page = visit(**DESKTOP)
+    mass = next(robot["mass"] for robot in api.get("robots").json() if robot["name"] == "talos")
+    api.put("live/reference", json={"vx": 0.2})
+    watch(api, 3.0)
+    state = api.post("live/pause").json()
+    while not (state["phase"] == 2 and state["support_side"] == 0 and 0.4 < state["time_to_touchdown"] < 0.5):
+        state = api.post("live/step", json={"ticks": 10}).json()  # the moment matters to how much can be caught
+
+    page.get_by_test_id("push").click()
+    while (pushed := api.post("live/step").json())["push_y"] == 0.0:  # the click is on its way
+        assert pushed["time_to_touchdown"] > 0.1
+        state = pushed
+    impulse = np.array([pushed["push_x"], pushed["push_y"]])
+    jump = np.array([pushed[name] - state[name] for name in ("com_vx", "com_vy")])
+    assert impulse[1] > 5.0 and impulse[1] == pytest.approx(np.linalg.norm(impulse))  # to the left
+    assert jump == pytest.approx(impulse / mass, abs=0.03)  # less what one tick of walking changes
+
+    api.post("live/resume")
+    states = watch(api, 6.0)
+    assert states[-1]["status"] == 0 and max(state["status"] for state in states) < 2
+    assert moved(states)[0] > 0.4
+
+
+def test_zero_and_pause_buttons(visit, api):
+    page = visit(**DESKTOP)
+    api.put("live/reference", json={"vx": 0.2})
+    watch(api, 1.0, until=lambda state: state["reference_vx"] == 0.2)
+    page.get_by_test_id("zero").click()
+    assert watch(api, 2.0, until=lambda state: state["reference_vx"] == 0.0)[-1]["reference_vx"] == 0.0
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("status")).to_contain_text("paused", timeout=1e3 * PATIENCE)
+    assert live(api)["running"] is False
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("status")).to_contain_text(UP, timeout=1e3 * PATIENCE)
+
+
+def test_status_tells_speed_and_tick_time(visit, api):
+    status = visit(**DESKTOP).get_by_test_id("status")
+    api.put("live/reference", json={"vx": 0.15})
+    expect(status).to_contain_text(re.compile(r"asked\s*0\.15"), timeout=1e3 * PATIENCE)
+    expect(status).to_contain_text(re.compile(r"tick\s*\d+\.\d"))
+
+
+def test_keyboard_drives_while_a_key_is_held(visit, api):
+    page = visit(**DESKTOP)
+    page.keyboard.down("k")
+    held = watch(api, 4.0, until=lambda state: state["reference_vx"] < 0.0)[-1]
+    page.keyboard.up("k")
+    assert held["driver"] == "joystick" and held["reference_vx"] < 0.0
+    assert watch(api, 4.0, until=lambda state: state["reference_vx"] == 0.0)[-1]["reference_vx"] == 0.0
