@@ -18,7 +18,8 @@ from app.settings import Settings
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
 
-LIVE = Parameters(initial_double_support_duration=0.3)  # the paper takes 0.8 s; a hand on a joystick waits for the step
+# The paper takes 0.8 s to start; a hand on a joystick waits for the step.
+LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
 STATIC = Path(__file__).parent.parent / "static"
 
 

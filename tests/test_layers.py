@@ -16,6 +16,7 @@ CORE = """
     capture supports preview qp walking_qp
     pattern_generator
     swing_foot
+    dynamic_filter
     whole_body
     simulation
     scenario

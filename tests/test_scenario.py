@@ -107,6 +107,12 @@ def test_columns_are_those_of_the_contract():
     foothold_x foothold_y foothold_yaw foothold2_x foothold2_y foothold2_yaw time_to_touchdown
     left_x left_y left_z left_yaw right_x right_y right_z right_yaw push_x push_y status"""
     recording = record(scenario_from_mapping(SHORT))
-    assert recording.columns == (*contract.split(), "steps_to_stand")
+    assert recording.columns == (*contract.split(), "steps_to_stand", "com_offset_x", "com_offset_y")
     talos = record(scenario_from_mapping(SHORT | {"robot": "talos", "duration": 0.1}))
-    assert talos.columns == (*contract.split(), *(f"q_{i}" for i in range(39)), "steps_to_stand")
+    assert talos.columns == (
+        *contract.split(),
+        *(f"q_{i}" for i in range(39)),
+        "steps_to_stand",
+        "com_offset_x",
+        "com_offset_y",
+    )

@@ -42,6 +42,8 @@ class Parameters:
     """Standing on both feet before the first step, while the CoM sways over the first support [s]."""
     stepping_in_place: bool = False
     """Whether the robot keeps stepping while it is asked to stay, as the paper's does."""
+    dynamic_filter: bool = False
+    """Whether the body's CoM leaves the model's by some millimetres, to keep the true CoP at the model's."""
     cop_margin: float = 0.03
     """Distance kept by the CoP at the samples from the edges of its polygon [m]."""
     com_height: float | None = None
@@ -72,8 +74,9 @@ class Parameters:
             ("gravity", 0.1, 100.0),
         ):
             check_range(name, getattr(self, name), low, high)
-        if not isinstance(self.stepping_in_place, bool):  # pyright: ignore[reportUnnecessaryIsInstance] (from files)
-            raise InvalidValueError("stepping_in_place", self.stepping_in_place, "must be true or false")
+        for name in ("stepping_in_place", "dynamic_filter"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidValueError(name, getattr(self, name), "must be true or false")
         if self.com_height is not None:
             check_range("com_height", self.com_height, 0.1, 2.0)
         if self.horizon_samples != int(self.horizon_samples):

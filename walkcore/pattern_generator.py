@@ -61,7 +61,7 @@ class PatternGenerator:
         """
         p = self._parameters = parameters
         self.com_height = robot.com_height if p.com_height is None else p.com_height
-        self._omega = math.sqrt(p.gravity / self.com_height)
+        self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
         self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
 
@@ -121,7 +121,7 @@ class PatternGenerator:
             u = solve_qp(problem).u
             if scheme.footholds is not Footholds.FREE or self._leads_on(preview, u):
                 return u, Status.SOLVED, True
-        supports, end = preview.supports, preview.dcm(-1, self._omega)
+        supports, end = preview.supports, preview.dcm(-1, self.omega)
         rescue = rescue_qp(problem, preview, self._parameters.cop_margin, end, supports.spare_at_end)
         u = solve_qp(rescue).u
         is_capturable = supports.capturable_at_end.excess(end.at(preview.layout.axes(u))[0]) < CAPTURE_TOLERANCE
@@ -133,7 +133,7 @@ class PatternGenerator:
         Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
         """
         supports, axes = preview.supports, preview.layout.axes(u)
-        soon, end = (preview.dcm(n, self._omega).at(axes)[0] for n in (0, -1))
+        soon, end = (preview.dcm(n, self.omega).at(axes)[0] for n in (0, -1))
         is_caught = supports.capturable_soon is None or supports.capturable_soon.excess(soon) < CAPTURE_TOLERANCE
         stands = supports.stopping_offset is None or supports.spare_at_end.excess(end) < CAPTURE_TOLERANCE
         return is_caught and stands

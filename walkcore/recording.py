@@ -148,10 +148,12 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
     for tick, command in enumerate(scenario.commands()):
         snapshot = simulation.step(command)
         values = row(snapshot)
-        steps_to_stand = {"steps_to_stand": float(snapshot.steps_to_stand)}  # with it, stops can be rebuilt too
+        # Beyond the contract: to rebuild stops, and to find the body's CoM where the dynamic filter moves it.
+        more = {"steps_to_stand": float(snapshot.steps_to_stand)}
+        _put(more, ("com_offset_x", "com_offset_y"), snapshot.com_offset)
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
-        columns = columns or (*values, *joints, *steps_to_stand)
-        rows.append([*values.values(), *joints.values(), *steps_to_stand.values()])
+        columns = columns or (*values, *joints, *more)
+        rows.append([*values.values(), *joints.values(), *more.values()])
         reason = reason or snapshot.reason
         if progress is not None and (tick + 1) % every == 0:
             progress((tick + 1) / scenario.nb_ticks)

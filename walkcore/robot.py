@@ -38,6 +38,18 @@ class BodyModel:
         return self.left_sole if side is Side.LEFT else self.right_sole
 
 
+@dataclass(frozen=True, slots=True)
+class SwingMoments:
+    """Moments of the moving masses about the CoM, per weight of the robot: see `dynamic_filter`."""
+
+    foot: float
+    """[s^2]."""
+    knee: float
+    """[s^2]."""
+    com: float
+    """[s^2]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """What `robots/<name>.yaml` says of a robot."""
@@ -63,6 +75,8 @@ class Robot:
     """Lowest and highest vx, vy [m/s] and yaw_rate [rad/s] that may be asked."""
     max_push: float
     """Largest impulse that may be given [N s]."""
+    swing_moments: SwingMoments
+    """Zero for a robot without a body."""
     body: BodyModel | None
     """None for a robot that is simulated as a point mass with feet."""
 
@@ -124,6 +138,7 @@ def load_robot(name: str) -> Robot:
         max_com_distance=float(data["max_com_distance"]),
         max_reference={key: (float(low), float(high)) for key, (low, high) in data["max_reference"].items()},
         max_push=float(data["max_push"]),
+        swing_moments=SwingMoments(**data.get("swing_moments", {"foot": 0.0, "knee": 0.0, "com": 0.0})),
         body=_body_model(data["body"]) if "body" in data else None,
     )
 
@@ -133,7 +148,7 @@ def _body_model(data: Mapping[str, Any]) -> BodyModel:
     return BodyModel(
         urdf=folder / data["urdf"],
         srdf=folder / data["srdf"],
-        package_folder=folder.parent,
+        package_folder=folder.parents[2],
         posture=data["posture"],
         left_sole=data["left_sole"],
         right_sole=data["right_sole"],

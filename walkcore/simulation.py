@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
+from walkcore.dynamic_filter import Motion, divergent_offset, next_offset
 from walkcore.errors import InverseKinematicsError, NoSolutionFoundError
 from walkcore.gait import Footstep, Gait, Phase, Side
 from walkcore.lipm import CoMState
@@ -58,6 +59,8 @@ class Snapshot:
     """What went wrong, where something did."""
     plan: Plan | None
     """None once the robot has fallen."""
+    com_offset: Vector
+    """From the model's CoM to the body's, where the dynamic filter moves it [m], shape (2,)."""
     q: Vector | None
     """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
 
@@ -84,6 +87,7 @@ class _PushUnderWay:
 
 
 NO_IMPULSE = read_only(np.zeros(2))
+NOWHERE_ASIDE = read_only(np.zeros(2))
 
 
 class Simulation:
@@ -115,6 +119,7 @@ class Simulation:
         self._com = CoMState(middle, np.zeros(2), np.zeros(2))
         self._pushes: tuple[_PushUnderWay, ...] = ()
         self._fall: _Fall | None = None
+        self._offset = NOWHERE_ASIDE
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
 
@@ -253,12 +258,15 @@ class Simulation:
             status=Status.FALLEN if plan is None else plan.status,
             reason=self._fall.reason if self._fall is not None else "",
             plan=plan,
+            com_offset=self._offset,
             q=self._q,
         )
 
     def _advance(self, plan: Plan) -> None:
         """CoM and feet at the next tick."""
         p, tick = self.parameters, self._tick
+        if p.dynamic_filter and self.body is not None:
+            self._offset = self._next_offset(plan)
         if self._gait.phase(tick) is Phase.SINGLE_SUPPORT:
             side = self._gait.support_side(tick).other
             foot = swing(
@@ -276,8 +284,15 @@ class Simulation:
         if self._gait.has_ended(tick + 1):
             self._gait = Gait(p, self._gait.support_side(tick + 1))
 
+    def _next_offset(self, plan: Plan) -> Vector:
+        side = self._gait.support_side(self._tick)
+        motion = Motion(self._tick, self._gait, self._com, self._feet[side], self._feet[side.other], plan)
+        omega = self._generator.omega
+        divergent = divergent_offset(motion, self.robot.swing_moments, omega)
+        return next_offset(self._offset, divergent, omega, self.parameters.control_period)
+
     def _body_target(self) -> BodyTarget:
-        com = np.array([*self._com.position, self.com_height])
+        com = np.array([*(self._com.position + self._offset), self.com_height])
         return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
 
     def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:

@@ -34,7 +34,7 @@ class Supports:
     cop_polygons: tuple[HalfPlanes, ...]
     """Where the CoP of each sample may be relative to the centre; N of them."""
     planned_footholds: Matrix
-    """Where a planner would put the footholds that carry samples [m]; m of them where the QP chooses, shape (., 2)."""
+    """Where a planner puts the footholds that carry samples [m], shape (., 2); meaningless where the QP is free."""
     support_position: Vector
     """Foot on the ground, shape (2,) [m]."""
     foothold_regions: tuple[HalfPlanes, ...]
@@ -102,8 +102,9 @@ class SupportGeometry:
         sides = [support.side.other if k % 2 else support.side for k in range(m + 1)]
         feet = list(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
 
-        planned = self._planned(support.position, feet, reference)
-        is_planned = self._parameters.terms.footholds is Footholds.PLANNED
+        chooser = self._parameters.terms.footholds
+        is_planned = chooser is Footholds.PLANNED
+        planned = np.zeros((m, 2)) if chooser is Footholds.FREE else self._planned(support.position, feet, reference)
         selection = horizon.foothold_selection
         centre = horizon.support_selection[:, None] * support.position
         if is_planned:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from walkcore.gait import Footstep
-from walkcore.values import Vector, read_only, rotation
+from walkcore.values import Matrix, Vector, read_only, rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,16 +89,49 @@ def swing(
     return FootState(pose, velocity, acceleration, foot.height)
 
 
+def swing_accelerations(
+    foot: FootState, foothold: Footstep, start: float, landing: float, lift_off: float, apex: float, times: Vector
+) -> tuple[Matrix, Vector]:
+    """Of a flight as it is planned now.
+
+    Args:
+        foot: in flight or before it.
+        foothold: where it will land.
+        start: of the quintic: the present, or the lift-off to come [s].
+        landing: when it will land [s].
+        lift_off: when it leaves or left the ground, from which its height is counted [s].
+        apex: highest point [m].
+        times: at which accelerations are wanted, from start to landing [s], shape (k,).
+
+    Returns:
+        Horizontal, shape (k, 2), and vertical, shape (k,) [m/s^2].
+    """
+    left, flight = landing - start, landing - lift_off
+    coefficients = _coefficients(foot, _pose(foothold), left)
+    s = ((times - start) / left)[:, None]
+    second = 2 * coefficients[2] + 6 * coefficients[3] * s + 12 * coefficients[4] * s**2 + 20 * coefficients[5] * s**3
+    s = (times - lift_off) / flight
+    bump = 64.0 * apex * (6 * s - 36 * s**2 + 60 * s**3 - 30 * s**4)  # second derivative of `swing_height`
+    return second[:, :2] / left**2, bump / flight**2
+
+
 def _pose(foot: Footstep) -> Vector:
     return np.array([*foot.position, foot.yaw])
+
+
+def _coefficients(foot: FootState, target: Vector, duration: float) -> Matrix:
+    """Of s^0 to s^5, for the fraction s of `duration` that has passed, shape (6, 3)."""
+    T = duration
+    D, V, A = target - foot.pose, foot.velocity * T, foot.acceleration * T**2
+    c3, c4, c5 = 10 * D - 6 * V - 1.5 * A, -15 * D + 8 * V + 1.5 * A, 6 * D - 3 * V - 0.5 * A
+    return np.stack([foot.pose, V, A / 2, c3, c4, c5])
 
 
 def _quintic(foot: FootState, target: Vector, time_left: float, tick: float) -> tuple[Vector, Vector, Vector]:
     """Pose, velocity and acceleration after one tick of the quintic that rests on the target at touchdown."""
     T, s = time_left, tick / time_left
-    D, V, A = target - foot.pose, foot.velocity * T, foot.acceleration * T**2
-    c3, c4, c5 = 10 * D - 6 * V - 1.5 * A, -15 * D + 8 * V + 1.5 * A, 6 * D - 3 * V - 0.5 * A
-    pose = foot.pose + V * s + A / 2 * s**2 + c3 * s**3 + c4 * s**4 + c5 * s**5
-    velocity = (V + A * s + 3 * c3 * s**2 + 4 * c4 * s**3 + 5 * c5 * s**4) / T
-    acceleration = (A + 6 * c3 * s + 12 * c4 * s**2 + 20 * c5 * s**3) / T**2
-    return pose, velocity, acceleration
+    c = _coefficients(foot, target, T)
+    position = s ** np.arange(6)
+    velocity = np.arange(1, 6) * s ** np.arange(5)
+    acceleration = np.array([2.0, 6.0, 12.0, 20.0]) * s ** np.arange(4)
+    return position @ c, velocity @ c[1:] / T, acceleration @ c[2:] / T**2

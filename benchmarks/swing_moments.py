@@ -1,0 +1,47 @@
+"""Fit `swing_moments` of a robot file by least squares: what the swinging leg adds to the true CoP.
+
+Run `.venv/bin/python benchmarks/swing_moments.py talos`.
+"""
+
+import sys
+
+import numpy as np
+
+from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore.gait import Phase
+from walkcore.swing_foot import swing_accelerations
+
+WALKS = (Reference(vx=0.3), Reference(vy=0.2), Reference(vx=-0.2), Reference(vx=0.2, vy=0.1))
+TICKS, SKIPPED = 1000, 300  # of each walk; the first ones are still on the way to its speed
+
+
+def samples(robot_name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (foot, knee, com) and the error of the CoP, over single supports, for x and y below each other."""
+    rows, errors = [], []
+    for reference in WALKS:
+        simulation = Simulation(load_robot(robot_name), Parameters())
+        for tick in range(TICKS):
+            s = simulation.step(Command(reference))
+            if tick < SKIPPED or s.phase is not Phase.SINGLE_SUPPORT or s.time_to_touchdown < 0.01:
+                continue
+            landing, foot = s.time_to_touchdown, s.feet[s.support.side.other]
+            lift_off = landing - 0.7
+            xy, z = swing_accelerations(foot, s.plan.footholds[0], 0.0, landing, lift_off, 0.05, np.zeros(1))
+            rows += [(xy[0, 0], z[0], s.com.acceleration[0]), (xy[0, 1], 0.0, s.com.acceleration[1])]
+            errors += list(s.true_cop - s.cop)
+    return np.array(rows), np.array(errors)
+
+
+def main(robot_name: str) -> None:
+    """Print the moments, and what they leave unexplained."""
+    rows, errors = samples(robot_name)
+    moments, *_ = np.linalg.lstsq(rows, errors, rcond=None)
+    left = errors - rows @ moments
+    foot, knee, com = moments
+    print(f"swing_moments: {{foot: {foot:.4f}, knee: {knee:.4f}, com: {com:.4f}}}")
+    p95, unexplained = (np.percentile(np.abs(error), 95) for error in (errors, left))
+    print(f"error of the CoP, p95: {p95:.4f} m; unexplained: {unexplained:.4f} m")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else "talos")

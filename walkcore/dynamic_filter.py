@@ -1,0 +1,79 @@
+"""A small offset of the body's CoM that brings the true CoP back to the model's.
+
+The model (5) has the whole mass in one point. What it leaves out is nearly all the leg that
+swings: it is accelerated below the CoM, and its knee goes forward when the foot goes up.
+Together they move the true CoP by
+
+    e = foot ddf + knee ddz n + com ddc
+
+with ddf, ddz the accelerations of the foot in the air, n its direction and ddc the CoM's. An
+offset d of the CoM moves the true CoP by d - ddd/omega^2, so it has to solve
+d - ddd/omega^2 = -e. Its bounded solution looks ahead, as an inverted pendulum has to:
+
+    xi = -omega * integral of exp(-omega s) e(t + s) ds from 0 on,      dd = omega (xi - d)
+
+The dynamic filter of Kajita et al. 2003, section 5, with a model of e for its second preview.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from walkcore.gait import Gait
+from walkcore.lipm import CoMState
+from walkcore.pattern_generator import Plan
+from walkcore.robot import SwingMoments
+from walkcore.swing_foot import FootState, standing, swing_accelerations
+from walkcore.values import Matrix, Vector, read_only
+
+LOOK_AHEAD, STEP = 1.2, 0.025  # [s]; exp(-omega * 1.2 s) is 2 %
+TIMES = np.arange(0.5, LOOK_AHEAD / STEP) * STEP
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What is planned at one tick."""
+
+    tick: int
+    gait: Gait
+    com: CoMState
+    support: FootState
+    swing: FootState
+    plan: Plan
+
+
+def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
+    """xi: what the offset has to follow, world frame [m], shape (2,)."""
+    weights = omega * STEP * np.exp(-omega * TIMES)
+    return read_only(-weights @ (_of_swings(motion, moments) + moments.com * _com_accelerations(motion)))
+
+
+def next_offset(offset: Vector, divergent: Vector, omega: float, period: float) -> Vector:
+    """D one tick later [m], shape (2,)."""
+    return read_only(offset + (1.0 - math.exp(-omega * period)) * (divergent - offset))
+
+
+def _com_accelerations(motion: Motion) -> Matrix:
+    """At TIMES [m/s^2], shape (., 2)."""
+    ends = np.concatenate([[0.0], motion.plan.times])
+    gained = np.diff(ends)[:, None] * motion.plan.jerks
+    at_ends = motion.com.acceleration + np.vstack([np.zeros(2), np.cumsum(gained, axis=0)])
+    return np.column_stack([np.interp(TIMES, ends, at_ends[:, axis]) for axis in (0, 1)])
+
+
+def _of_swings(motion: Motion, moments: SwingMoments) -> Matrix:
+    """Error of the CoP that the coming swings make at TIMES [m], shape (., 2)."""
+    p, gait, tick = motion.gait.parameters, motion.gait, motion.tick
+    error = np.zeros((len(TIMES), 2))
+    landing = gait.time_to_touchdown(tick)
+    foot, waiting = motion.swing, motion.support
+    for foothold in motion.plan.footholds:
+        begin = landing - (p.step_duration - p.double_support_duration)
+        flies = (TIMES > begin) & (TIMES < landing)
+        xy, z = swing_accelerations(foot, foothold, max(begin, 0.0), landing, begin, p.swing_height, TIMES[flies])
+        direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
+        error[flies] = moments.foot * xy + moments.knee * np.outer(z, direction)
+        foot, waiting = waiting, standing(foothold)
+        landing += p.step_duration
+    return error
