@@ -15,7 +15,7 @@ import tyro
 from pydantic import ValidationError
 
 from app.settings import Settings
-from walkcore import WalkError, load_robot, robot_names
+from walkcore import Parameters, WalkError, load_robot, robot_names
 from walkcore.recording import record
 from walkcore.scenario import load_scenario, scenario_names
 
@@ -80,11 +80,58 @@ class Robots:
             print(f"{name:8} {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
 
 
+@dataclass(frozen=True, slots=True)
+class Footholds:
+    """Find out where a robot may put its feet, by trying thousands of steps."""
+
+    robot: tyro.conf.Positional[str]
+    """Name of one with a body (see `walk robots`)."""
+    out: Path = Path("footholds")
+    """Folder for footholds.yaml, footholds.csv and footholds.svg."""
+    samples: int = 3000
+    """Placements to try, before those along the edges of the polygons."""
+    seed: int = 0
+    """Of the samples: the same seed gives the same polygons."""
+    com_height: float | None = None
+    """Of the CoM above the ground in metres; the robot's own if not given."""
+
+    def __call__(self) -> None:
+        """Try, sum up, write and tell."""
+        from app.foothold_report import summary, write  # draws: a library that takes a second to load
+        from app.footholds import study, usable_cores
+
+        found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
+        write(found, self.out)
+        print(summary(found), end="")
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Make the paper's figures, and a report of its claims beside what was measured."""
+
+    out: Path
+    """Folder for a folder of figures of each robot, and for report.md."""
+    robots: tuple[Literal["hrp2", "talos"], ...] = ("hrp2", "talos")
+    """Whose figures."""
+    formats: tuple[Literal["svg", "pdf", "png"], ...] = ("svg", "pdf")
+    """Endings of their files."""
+    control_period: float = Parameters().control_period
+    """From one tick to the next [s]; 0.1 is exactly the paper's scheme."""
+
+    def __call__(self) -> None:
+        """Simulate, draw and measure."""
+        from app.figures import make_figures  # the plotting library takes a second to load
+
+        make_figures(self.out, self.robots, self.formats, self.control_period, tell=print)
+
+
 SubCommand = (
     Annotated[Serve, tyro.conf.subcommand("serve")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
     | Annotated[Robots, tyro.conf.subcommand("robots")]
+    | Annotated[Footholds, tyro.conf.subcommand("footholds")]
 )
 
 

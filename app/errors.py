@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 
 from app.runner import NotPausedError
 from app.schemas import ErrorBody, FieldError
-from walkcore.errors import InvalidValueError
+from walkcore.errors import InvalidValueError, WalkError
 
 MAX_SHOWN = 100  # characters of a refused value that are sent back
 
@@ -22,6 +22,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _refuse_request)
     app.add_exception_handler(RequestValidationError, _refuse_body)
     app.add_exception_handler(InvalidValueError, _refuse_value)
+    app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
 
 
@@ -80,6 +81,10 @@ async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
     field = error.field.partition(".")[2] or error.field
     errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
     return _answer(422, summary(errors), errors)
+
+
+async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
+    return _answer(422, str(error))
 
 
 async def _refuse_now(_: Request, error: Exception) -> JSONResponse:

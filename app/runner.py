@@ -11,15 +11,16 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
+from typing import Any
 
 from app.pace import Pace, Timing
-from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
+from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot, WalkError
 
 logger = logging.getLogger(__name__)
 
@@ -128,6 +129,10 @@ class Runner:
         """Take single ticks while paused, as fast as they can be computed; else fail with `NotPausedError`."""
         return self._wish(partial(self._take_ticks, ticks))
 
+    def change(self, values: Mapping[str, Any]) -> Future[LiveState]:
+        """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
+        return self._wish(partial(self._change, values))
+
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         return self._wish(self._start_over)
@@ -164,7 +169,7 @@ class Runner:
             return
         try:
             action()
-        except NotPausedError as refusal:
+        except (NotPausedError, WalkError) as refusal:
             done.set_exception(refusal)
         except Exception as error:
             self._fail(error)
@@ -194,6 +199,10 @@ class Runner:
             if self._stopping.is_set():
                 return
             self._tick()
+
+    def _change(self, values: Mapping[str, Any]) -> None:
+        self._simulation.change(self.parameters.changed(values))
+        self.parameters = self._simulation.parameters
 
     def _start_over(self) -> None:
         self._drive = NOBODY

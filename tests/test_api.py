@@ -359,3 +359,22 @@ def test_server_stops_at_once_though_somebody_watches(how):
         server.process.send_signal(how)
         assert server.process.wait(10.0) == (0 if how == signal.SIGINT else -how)
     assert "Traceback" not in "".join(server.output) and "ERROR" not in "".join(server.output)
+
+
+def test_parameters_change_while_the_robot_walks(api):
+    before = api.get("live/parameters").json()
+    assert before["scheme"] == "full"
+    changed = api.patch("live/parameters", json={"scheme": "speed_and_jerk", "cop_margin": 0.02})
+    assert changed.status_code == 200
+    assert changed.json() == before | {"scheme": "speed_and_jerk", "cop_margin": 0.02}
+    for refused, field in (
+        ({"scheme": "magic"}, "scheme"),
+        ({"alhpa": 1.0}, "alhpa"),
+        ({"control_period": 0.01}, "control_period"),
+    ):
+        answer = api.patch("live/parameters", json=refused)
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["field"] == field
+    assert api.patch("live/parameters", json={"cop_margin": 0.15}).status_code == 422
+    assert api.get("live/parameters").json() == changed.json()
+    assert api.patch("live/parameters", json=before).json() == before

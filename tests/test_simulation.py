@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracle import excess
 
-from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore import Command, Parameters, Push, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
 from walkcore.gait import Footstep, Phase, Side
 from walkcore.pattern_generator import Status
@@ -206,3 +206,27 @@ def test_the_first_step_goes_where_the_robot_is_asked_to_go():
     for reference, swings in ((Reference(vy=0.2), Side.LEFT), (Reference(vy=-0.2), Side.RIGHT)):
         first = next(s for s in walk(Simulation(HRP2), 2.0, reference) if s.phase is Phase.SINGLE_SUPPORT)
         assert first.support.side is swings.other
+
+
+def test_schemes_and_weights_change_while_the_robot_walks():
+    simulation = Simulation(HRP2)
+    walk(simulation, 3.0, Reference(vx=0.2))
+    for change in (
+        {"scheme": "speed_and_jerk"},
+        {"scheme": "mean_speed", "horizon_samples": 32},
+        {"scheme": "fixed_steps", "horizon_samples": 16},
+        {"scheme": "full", "gamma": 1e-5, "cop_margin": 0.02},
+    ):
+        simulation.change(simulation.parameters.changed(change))
+        assert walk(simulation, 2.0, Reference(vx=0.2))[-1].status is Status.SOLVED
+
+
+@pytest.mark.parametrize(
+    "change", [{"control_period": 0.01}, {"com_height": 0.7}, {"cop_margin": 0.1}, {"scheme": "mean_speed"}]
+)
+def test_a_change_that_a_walk_cannot_take_leaves_it_as_it_was(change):
+    simulation = Simulation(HRP2)
+    with pytest.raises(WalkError):
+        simulation.change(simulation.parameters.changed(change))
+    assert simulation.parameters == Parameters()
+    assert walk(simulation, 2.0, Reference(vx=0.2))[-1].status is Status.SOLVED

@@ -121,6 +121,17 @@ class Parameters:
         """Plain numbers and strings by name."""
         return asdict(self)
 
+    def check_change(self, new: "Parameters") -> "Parameters":
+        """The new parameters, if a walk that is under way can go on with them.
+
+        Raises:
+            InvalidValueError: for the first one that a walk has to begin with.
+        """
+        for name in ("control_period", "sampling_period", "step_duration", "com_height", "gravity"):
+            if getattr(new, name) != getattr(self, name):
+                raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
+        return new
+
     @property
     def terms(self) -> Scheme:
         """What the scheme's name stands for."""

@@ -110,6 +110,17 @@ class Simulation:
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self.reset()
 
+    def change(self, parameters: Parameters) -> None:
+        """Walk on with other parameters.
+
+        Raises:
+            InvalidValueError: for one that cannot change during a walk.
+            EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
+        """
+        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters))
+        self.parameters, self._generator = parameters, generator
+        self._gait = replace(self._gait, parameters=parameters)
+
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
         self._tick = 0

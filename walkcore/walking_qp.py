@@ -22,6 +22,7 @@ from walkcore.regions import HalfPlanes
 from walkcore.values import Matrix, Vector
 
 MARGIN_PENALTY = 1e4  # per metre and second; above any multiplier of the margin, so that the penalty is exact
+OVERSHOOT = 2e-3  # [m] of the margin that is never given up: between samples the CoP may bulge a little
 GOAL_PENALTY = 1e5  # per metre; worth more than any margin given up for it, which grows tenfold over a step
 
 
@@ -83,7 +84,7 @@ def _constraints(preview: Preview) -> tuple[Matrix, Vector, Vector]:
 def rescue_qp(problem: QP, preview: Preview, margin: float, end: AffinePoints, goal: HalfPlanes) -> QP:
     """The same QP, made to stay up: margins may be given up, and the plan ends as near to a goal as it can.
 
-    A slack s of each sample, 0 <= s <= margin, widens its CoP polygon, and one more widens
+    A slack s of each sample, at most the margin, widens its CoP polygon, and one more widens
     the goal. Their linear penalties are exact: where a margin can be kept, it is.
 
     Args:
@@ -108,7 +109,7 @@ def rescue_qp(problem: QP, preview: Preview, margin: float, end: AffinePoints, g
     # that is planned to be given up would be put off from tick to tick.
     times = np.concatenate([[0.0], preview.lipm.times, preview.lipm.times[-1:]])
     price = np.append(MARGIN_PENALTY * (times[2:] - times[:-2]), GOAL_PENALTY)
-    most = np.append(np.full(N, margin), np.inf)
+    most = np.append(np.full(N, max(margin - OVERSHOOT, 0.0)), np.inf)
     return _softened(with_goal, slack_of_row, price, most)
 
 

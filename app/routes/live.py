@@ -24,6 +24,19 @@ async def reference(body: ReferenceBody, runner: LiveRunner) -> ReferenceBody:
     return body
 
 
+@router.get("/parameters")
+async def parameters(runner: LiveRunner) -> dict[str, Any]:
+    """The parameters in force."""
+    return runner.parameters.to_mapping()
+
+
+@router.patch("/parameters")
+async def change(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
+    """Change some parameters while the robot walks, the scheme included; answers all of them."""
+    await asyncio.wrap_future(runner.change(values))
+    return runner.parameters.to_mapping()
+
+
 @router.post("/push")
 async def push(body: PushBody, runner: LiveRunner) -> PushBody:
     """Shove the robot at the next tick; of several within one tick the last one counts."""

@@ -1,0 +1,91 @@
+"""Random references and pushes for hours of simulated time, with every promise checked at every tick.
+
+Run `.venv/bin/python benchmarks/soak.py --robot talos --hours 0.2`; it ends with counts, or at a broken promise.
+"""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import tyro
+
+from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot, load_robot
+from walkcore.gait import Footstep, Phase
+from walkcore.pattern_generator import Status
+from walkcore.recording import row
+from walkcore.regions import foothold_vertices, polygon, sole_vertices
+from walkcore.values import rotation
+
+MAY_BE_NAN = ("foothold", "true_cop", "time_to_touchdown")
+
+
+@dataclass
+class Soak:
+    """What to walk."""
+
+    robot: str = "talos"
+    hours: float = 0.1
+    push: float = 8.0
+    """Largest impulse [N s]; one comes every five seconds or so."""
+    control_period: float = 0.02
+    """[s]."""
+    body: bool = False
+    """With the whole body, or the point mass with feet."""
+    seed: int = 0
+
+
+def main(soak: Soak) -> None:
+    """Walk, check, count."""
+    robot = load_robot(soak.robot)
+    robot = robot if soak.body else dataclasses.replace(robot, body=None)
+    simulation = Simulation(robot, Parameters(control_period=soak.control_period))
+    rng = np.random.default_rng(soak.seed)
+    reference, before, statuses, falls = Reference(), None, {status: 0 for status in Status}, []
+    for _ in range(round(soak.hours * 3600 / soak.control_period)):
+        if rng.random() < soak.control_period / 3.0:
+            limits = robot.max_reference
+            wish = {n: rng.choice([0.0, lo, hi, rng.uniform(lo, hi)]) for n, (lo, hi) in limits.items()}
+            reference = Reference() if rng.random() < 0.3 else Reference(**wish)
+        angle, strength = rng.uniform(0, 2 * math.pi), rng.uniform(0, soak.push)
+        is_pushed = rng.random() < soak.control_period / 5.0
+        push = Push(strength * np.array([math.cos(angle), math.sin(angle)])) if is_pushed else None
+        now = simulation.step(Command(reference, push))
+        check(now, before, simulation)
+        statuses[now.status] += 1
+        before = now
+        if now.status is Status.FALLEN:
+            falls.append(now.reason)
+            simulation.reset()
+            before = None
+    print({status.name: count for status, count in statuses.items()}, *sorted(set(falls)), sep="\n")
+
+
+def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> None:
+    """Every promise about one tick.
+
+    Raises:
+        AssertionError: naming the tick and the promise.
+    """
+    robot, period = simulation.robot, simulation.parameters.control_period
+    assert all(math.isfinite(v) for n, v in row(now).items() if not n.startswith(MAY_BE_NAN)), (now.tick, "not finite")
+    if now.status is Status.FALLEN:
+        assert now.reason
+        return
+    soles = {side: sole_vertices(robot.sole, Footstep(side, f.position, f.yaw)) for side, f in now.feet.items()}
+    on_ground = soles[now.support.side] if now.phase is Phase.SINGLE_SUPPORT else np.vstack(list(soles.values()))
+    assert polygon(on_ground).excess(now.cop) < 1e-6, (now.tick, now.status, "CoP outside", now.cop)
+    if before is None:
+        return
+    for side, foot in now.feet.items():
+        move = rotation(before.support.yaw).T @ (foot.position - before.feet[side].position)
+        assert np.all(np.abs(move) <= robot.max_foot_speed * period + 1e-9), (now.tick, "foot too fast", move / period)
+        assert abs(foot.yaw - before.feet[side].yaw) <= robot.max_foot_yaw_rate * period + 1e-9, (now.tick, "yaw")
+    if now.support.side is not before.support.side and before.phase is Phase.SINGLE_SUPPORT:
+        stride = rotation(before.support.yaw).T @ (now.support.position - before.support.position)
+        region = polygon(foothold_vertices(robot.foothold_region, now.support.side))
+        assert region.excess(stride) < 1e-5, (now.tick, "foothold outside", stride, region.excess(stride))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Soak))
