@@ -10,6 +10,8 @@ from walkcore.gait import Side
 from walkcore.swing_foot import standing
 from walkcore.whole_body import BodyTarget, WholeBody
 
+BOTH = (Side.LEFT, Side.RIGHT)
+
 
 @pytest.fixture(scope="module")
 def body():
@@ -67,7 +69,7 @@ def test_at_rest_the_true_cop_is_below_the_com(body):
     robot = load_robot("talos")
     feet = [standing(robot.foot_at_rest(side)) for side in Side]
     q = body.at_rest(BodyTarget(np.array([0.01, 0.02, robot.com_height]), *feet, heading=0.0))
-    assert np.allclose(body.true_cop(q, q, q, 0.005, np.zeros(2)), [0.01, 0.02], atol=1e-4)
+    assert np.allclose(body.dynamics(q, q, q, 0.005, np.zeros(2), BOTH).true_cop, [0.01, 0.02], atol=1e-4)
 
 
 def test_true_cop_of_a_rigid_acceleration_is_the_models(body):
@@ -81,9 +83,9 @@ def test_true_cop_of_a_rigid_acceleration_is_the_models(body):
     after[0] += acceleration * period**2 / 2
     com = pin.centerOfMass(body.model, body.model.createData(), q)
     expected = com[0] - com[2] / 9.81 * acceleration
-    assert body.true_cop(before, q, after, period, np.zeros(2))[0] == pytest.approx(expected, abs=1e-6)
+    assert body.dynamics(before, q, after, period, np.zeros(2), BOTH).true_cop[0] == pytest.approx(expected, abs=1e-6)
     force = np.array([robot.mass * acceleration, 0.0])
-    assert body.true_cop(before, q, after, period, force)[0] == pytest.approx(com[0], abs=1e-4)
+    assert body.dynamics(before, q, after, period, force, BOTH).true_cop[0] == pytest.approx(com[0], abs=1e-4)
 
 
 def test_a_com_out_of_reach_is_an_error_of_ours(body):
@@ -101,3 +103,39 @@ def test_the_body_survives_what_the_page_may_ask():
         for _ in range(40):
             assert simulation.step(Command(reference)).status == 0
     assert simulation.step(Command(push=Push([5.0, 0.0]))).status == 0
+
+
+@pytest.mark.parametrize("on_ground", [(Side.LEFT,), (Side.RIGHT,), BOTH])
+def test_torques_and_ground_forces_balance_the_motion(body, on_ground):
+    """Virtual work: with the contact forces applied as external forces, inverse dynamics ask for the same torques."""
+    robot = load_robot("talos")
+    feet = [standing(robot.foot_at_rest(side)) for side in Side]
+    q = body.at_rest(BodyTarget(np.array([0.01, 0.03, robot.com_height]), *feet, heading=0.0))
+    model, data = body.model, body.model.createData()
+    found = body.dynamics(q, q, q, 0.005, np.zeros(2), on_ground)
+    weight = np.array([0.0, 0.0, body.mass * 9.81])
+    pin.framesForwardKinematics(model, data, q)
+    frames = [model.getFrameId(("left_sole_link", "right_sole_link")[side]) for side in on_ground]
+    if len(frames) == 1:
+        point = data.oMf[frames[0]].translation
+        forces = [np.concatenate([weight, np.cross([*found.true_cop, 0.0] - point, weight)])]
+    else:
+        y = [data.oMf[frame].translation[1] for frame in frames]
+        share = (found.true_cop[1] - y[0]) / (y[1] - y[0])
+        shares, points = (1 - share, share), [data.oMf[frame].translation for frame in frames]
+        rest = np.cross([*found.true_cop, 0.0], weight) - sum(
+            s * np.cross(p, weight) for s, p in zip(shares, points, strict=True)
+        )
+        forces = [s * np.concatenate([weight, rest]) for s in shares]
+    external = [pin.Force.Zero() for _ in range(model.njoints)]
+    for frame, force in zip(frames, forces, strict=True):
+        joint = model.frames[frame].parentJoint
+        at_sole = pin.SE3(np.eye(3), data.oMf[frame].translation)
+        external[joint] = data.oMi[joint].actInv(at_sole.act(pin.Force(force)))
+    torques = pin.rnea(model, data, q, np.zeros(model.nv), np.zeros(model.nv), external)
+    assert np.allclose(torques[:6], 0.0, atol=1e-2)
+    assert np.allclose(torques[6:], found.torques, atol=1e-2)
+
+
+def test_no_joint_is_asked_for_more_than_its_effort_limit(recording):
+    assert max(recording.metrics()["torque_use_p99"].values()) < 1.0

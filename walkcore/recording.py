@@ -67,6 +67,8 @@ class Recording:
     """All that the QP used."""
     reason: str
     """Why the robot fell, if it did."""
+    torque_use: Mapping[str, Vector]
+    """Torque over effort limit of each joint at each tick, shape (ticks,); empty for a robot without a body."""
 
     def __getitem__(self, column: str) -> Vector:
         """One column, shape (ticks,)."""
@@ -84,6 +86,9 @@ class Recording:
             "ticks_relaxed": int(np.sum(self["status"] == Status.RELAXED)),
             "has_fallen": bool(np.any(self["status"] == Status.FALLEN)),
             "reason": self.reason,
+            # A push or a foothold that moves at the last moment is a jerk of one tick: the p99 is what a motor feels.
+            "torque_use_p99": {joint: float(np.percentile(use, 99)) for joint, use in self.torque_use.items()},
+            "torque_use_max": {joint: float(np.max(use)) for joint, use in self.torque_use.items()},
             "true_cop_error": dict(zip(("median", "p95", "max"), percentiles, strict=True)),
         }
 
@@ -144,7 +149,8 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
     every = max(scenario.nb_ticks // 100, 1)
     columns: tuple[str, ...] = ()
     rows: list[list[float]] = []
-    reason = ""
+    reason, body = "", simulation.body
+    torques: list[Vector] = []
     for tick, command in enumerate(scenario.commands()):
         snapshot = simulation.step(command)
         values = row(snapshot)
@@ -155,6 +161,9 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
         columns = columns or (*values, *joints, *more)
         rows.append([*values.values(), *joints.values(), *more.values()])
         reason = reason or snapshot.reason
+        if snapshot.torques is not None:
+            torques.append(np.abs(snapshot.torques))
         if progress is not None and (tick + 1) % every == 0:
             progress((tick + 1) / scenario.nb_ticks)
-    return Recording(scenario, columns, np.array(rows), parameters_in_force(simulation), reason)
+    use = {} if body is None else dict(zip(body.joint_names, (np.array(torques) / body.max_torques).T, strict=True))
+    return Recording(scenario, columns, np.array(rows), parameters_in_force(simulation), reason, use)

@@ -38,6 +38,8 @@ class Snapshot:
     """Of the model [m], shape (2,)."""
     true_cop: Vector | None
     """From the full inverse dynamics [m], shape (2,); None for a robot without a body."""
+    torques: Vector | None
+    """Of the joints, from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
     reference: Reference
     heading: float
     """Of the robot [rad]."""
@@ -256,6 +258,7 @@ class Simulation:
             jerk=NO_IMPULSE if plan is None else read_only(plan.jerks[0]),
             cop=read_only(self._com.cop(self.com_height, self.parameters.gravity)),
             true_cop=None,
+            torques=None,
             reference=reference,
             heading=self.heading,
             phase=self._gait.phase(self._tick),
@@ -316,7 +319,10 @@ class Simulation:
             self._fall_down(str(failure))
             return replace(snapshot, status=Status.FALLEN, reason=str(failure))
         self._q_before, self._q = now, after
-        return replace(snapshot, true_cop=read_only(body.true_cop(before, now, after, period, impulse / period)))
+        side = snapshot.support.side
+        on_ground = (side,) if snapshot.phase is Phase.SINGLE_SUPPORT else (side, side.other)
+        dynamics = body.dynamics(before, now, after, period, impulse / period, on_ground)
+        return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
 
 
 def _first_support(reference: Reference) -> Side:

@@ -7,6 +7,7 @@ full inverse dynamics of the motion (`pin.rnea`), where the paper's model (5)-(6
 neglects what the turning of the body's parts adds.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from walkcore.errors import InverseKinematicsError
 from walkcore.gait import Side
 from walkcore.robot import BodyModel
 from walkcore.swing_foot import FootState
-from walkcore.values import Vector, read_only
+from walkcore.values import Matrix, Vector, read_only
 
 LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of Talos's posture lie on theirs
 TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what is asked of the walk
@@ -39,6 +40,16 @@ class BodyTarget:
     right_foot: FootState
     heading: float
     """Yaw of the upright torso [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dynamics:
+    """What a motion of the whole body takes."""
+
+    true_cop: Vector
+    """Centre of pressure on the ground [m], shape (2,)."""
+    torques: Vector
+    """Of the joints, in Pinocchio's order [N m], shape (nv - 6,)."""
 
 
 class WholeBody:
@@ -72,6 +83,16 @@ class WholeBody:
         self._posture = PostureTask(cost=POSTURE_COST)
         self._posture.set_target(self.posture)
         self._tasks = [*self._soles.values(), self._com, self._torso, self._posture]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Of the joints, in Pinocchio's order."""
+        return tuple(self.model.names[2:])
+
+    @property
+    def max_torques(self) -> Vector:
+        """Effort limits of the URDF [N m], shape (nv - 6,)."""
+        return np.array(self.model.effortLimit[6:])
 
     @property
     def mass(self) -> float:
@@ -130,8 +151,10 @@ class WholeBody:
         tasks = (self._com, *self._soles.values())
         return max(float(np.max(np.abs(task.compute_error(configuration)))) for task in tasks)
 
-    def true_cop(self, before: Vector, now: Vector, after: Vector, tick: float, push: Vector) -> Vector:
-        """Centre of pressure on the ground of the motion through three configurations [m], shape (2,).
+    def dynamics(
+        self, before: Vector, now: Vector, after: Vector, tick: float, push: Vector, on_ground: Sequence[Side]
+    ) -> Dynamics:
+        """Full inverse dynamics of the motion through three configurations.
 
         Args:
             before: configuration one tick ago, shape (nq,).
@@ -139,16 +162,43 @@ class WholeBody:
             after: one tick ahead, shape (nq,).
             tick: [s].
             push: horizontal force that acts on the CoM from outside [N], shape (2,).
+            on_ground: feet that carry the robot.
         """
-        arriving = pin.difference(self.model, before, now) / tick
-        leaving = pin.difference(self.model, now, after) / tick
-        pin.rnea(self.model, self._data, now, (arriving + leaving) / 2, (leaving - arriving) / tick)
-        # Wrench that the ground and the push give the floating base, in the world frame.
-        wrench = self._data.oMi[1].act(self._data.f[1])
-        com = pin.centerOfMass(self.model, self._data, now)
-        force = np.array([*push, 0.0])
-        moment = wrench.angular - np.cross(com, force)
-        return np.array([-moment[1], moment[0]]) / (wrench.linear[2])
+        model, data = self.model, self._data
+        arriving = pin.difference(model, before, now) / tick
+        leaving = pin.difference(model, now, after) / tick
+        torques = pin.rnea(model, data, now, (arriving + leaving) / 2, (leaving - arriving) / tick)
+        # What ground and push give the floating base, in the world; the push acts on the CoM.
+        total = data.oMi[1].act(data.f[1])
+        com = pin.centerOfMass(model, data, now)
+        push_force = np.array([*push, 0.0])
+        force, moment = total.linear - push_force, total.angular - np.cross(com, push_force)
+        cop = np.array([-moment[1], moment[0]]) / force[2]
+        for wrench, jacobian in self._contacts(now, cop, force, moment, on_ground):
+            torques = torques - jacobian.T @ wrench
+        return Dynamics(read_only(cop), read_only(torques[6:]))
+
+    def _contacts(
+        self, q: Vector, cop: Vector, force: Vector, moment: Vector, on_ground: Sequence[Side]
+    ) -> Iterator[tuple[Vector, Matrix]]:
+        """Wrench on each sole and the Jacobian of that sole, both at its origin along the axes of the world.
+
+        On two feet the ground's force is shared as the CoP lies between them.
+        """
+        pin.computeJointJacobians(self.model, self._data, q)
+        pin.updateFramePlacements(self.model, self._data)
+        frames = [self.model.getFrameId(self._soles[side].frame) for side in on_ground]
+        points = [self._data.oMf[frame].translation for frame in frames]
+        shares = [1.0]
+        if len(points) == 2:
+            across = points[1][:2] - points[0][:2]
+            second = float(np.clip((cop - points[0][:2]) @ across / (across @ across), 0.0, 1.0))
+            shares = [1.0 - second, second]
+        left_over = moment - sum(share * np.cross(p, force) for share, p in zip(shares, points, strict=True))
+        for frame, share in zip(frames, shares, strict=True):
+            jacobian = pin.getFrameJacobian(self.model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
+            wrench: Vector = np.multiply(share, np.concatenate([force, left_over]))
+            yield wrench, jacobian
 
 
 def sole_placement(foot: FootState) -> pin.SE3:
