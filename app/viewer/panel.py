@@ -1,10 +1,11 @@
-"""The panel beside the scene: sliders for the velocity, and which layers are drawn."""
+"""The panel beside the scene: sliders for the velocity, the method, and which layers are drawn."""
 
 from collections.abc import Callable
 
 import viser
 
 from app.runner import Runner
+from app.viewer.method_panel import MethodPanel
 from app.viewer.scene import HIDDEN_AT_START, LAYERS
 from walkcore import Reference
 
@@ -39,6 +40,8 @@ class Panel:
             self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
             zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
             zero.on_click(lambda _: self._drive(Reference()))
+        with server.gui.add_folder("Method", expand_by_default=False):
+            MethodPanel(server, runner)
         with server.gui.add_folder("View", expand_by_default=False):
             for layer, meaning in LAYERS.items():
                 _add_checkbox(server, layer, f"Draw {meaning}", layer not in HIDDEN_AT_START, _bound(show, layer))
