@@ -18,6 +18,7 @@ CORE = """
     swing_foot
     dynamic_filter
     whole_body
+    collisions inscribed step_trial footholds
     simulation
     scenario
     recording
@@ -26,6 +27,8 @@ SERVER = """
     pace runner
     outlines schemas errors origin settings
     viewer proxy
+    figures
+    footholds foothold_picture foothold_report
     routes
     main serve cli
 """.split()

@@ -12,6 +12,9 @@ d - ddd/omega^2 = -e. Its bounded solution looks ahead, as an inverted pendulum 
 
     xi = -omega * integral of exp(-omega s) e(t + s) ds from 0 on,      dd = omega (xi - d)
 
+What is planned may change from one tick to the next, and with it xi, which would jerk the body. So xi is taken
+SMOOTHING later, and approached with that time constant.
+
 The dynamic filter of Kajita et al. 2003, section 5, with a model of e for its second preview.
 """
 
@@ -28,7 +31,28 @@ from walkcore.swing_foot import FootState, standing, swing_accelerations
 from walkcore.values import Matrix, Vector, read_only
 
 LOOK_AHEAD, STEP = 1.2, 0.025  # [s]; exp(-omega * 1.2 s) is 2 %
-TIMES = np.arange(0.5, LOOK_AHEAD / STEP) * STEP
+SMOOTHING = 0.04  # [s]
+AHEAD = np.arange(0.5, LOOK_AHEAD / STEP) * STEP
+TIMES = SMOOTHING + AHEAD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offset:
+    """Of the body's CoM from the model's, world frame."""
+
+    position: Vector
+    """d [m], shape (2,)."""
+    divergent: Vector
+    """xi, smoothed [m], shape (2,)."""
+
+    def towards(self, divergent: Vector, omega: float, period: float) -> "Offset":
+        """One tick later, if the divergent offset of the plan, `SMOOTHING` from now, is as given [m], shape (2,)."""
+        smoothed = self.divergent + (1.0 - math.exp(-period / SMOOTHING)) * (divergent - self.divergent)
+        position = self.position + (1.0 - math.exp(-omega * period)) * (smoothed - self.position)
+        return Offset(read_only(position), read_only(smoothed))
+
+
+NO_OFFSET = Offset(read_only(np.zeros(2)), read_only(np.zeros(2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,14 +68,9 @@ class Motion:
 
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
-    """xi: what the offset has to follow, world frame [m], shape (2,)."""
-    weights = omega * STEP * np.exp(-omega * TIMES)
+    """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
+    weights = omega * STEP * np.exp(-omega * AHEAD)
     return read_only(-weights @ (_of_swings(motion, moments) + moments.com * _com_accelerations(motion)))
-
-
-def next_offset(offset: Vector, divergent: Vector, omega: float, period: float) -> Vector:
-    """D one tick later [m], shape (2,)."""
-    return read_only(offset + (1.0 - math.exp(-omega * period)) * (divergent - offset))
 
 
 def _com_accelerations(motion: Motion) -> Matrix:

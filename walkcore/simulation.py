@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
-from walkcore.dynamic_filter import Motion, divergent_offset, next_offset
+from walkcore.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
 from walkcore.errors import InverseKinematicsError, NoSolutionFoundError
 from walkcore.gait import Footstep, Gait, Phase, Side
 from walkcore.lipm import CoMState
@@ -89,7 +89,6 @@ class _PushUnderWay:
 
 
 NO_IMPULSE = read_only(np.zeros(2))
-NOWHERE_ASIDE = read_only(np.zeros(2))
 
 
 class Simulation:
@@ -132,7 +131,7 @@ class Simulation:
         self._com = CoMState(middle, np.zeros(2), np.zeros(2))
         self._pushes: tuple[_PushUnderWay, ...] = ()
         self._fall: _Fall | None = None
-        self._offset = NOWHERE_ASIDE
+        self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
 
@@ -272,7 +271,7 @@ class Simulation:
             status=Status.FALLEN if plan is None else plan.status,
             reason=self._fall.reason if self._fall is not None else "",
             plan=plan,
-            com_offset=self._offset,
+            com_offset=self._offset.position,
             q=self._q,
         )
 
@@ -298,15 +297,15 @@ class Simulation:
         if self._gait.has_ended(tick + 1):
             self._gait = Gait(p, self._gait.support_side(tick + 1))
 
-    def _next_offset(self, plan: Plan) -> Vector:
+    def _next_offset(self, plan: Plan) -> Offset:
         side = self._gait.support_side(self._tick)
         motion = Motion(self._tick, self._gait, self._com, self._feet[side], self._feet[side.other], plan)
         omega = self._generator.omega
         divergent = divergent_offset(motion, self.robot.swing_moments, omega)
-        return next_offset(self._offset, divergent, omega, self.parameters.control_period)
+        return self._offset.towards(divergent, omega, self.parameters.control_period)
 
     def _body_target(self) -> BodyTarget:
-        com = np.array([*(self._com.position + self._offset), self.com_height])
+        com = np.array([*(self._com.position + self._offset.position), self.com_height])
         return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
 
     def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:

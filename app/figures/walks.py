@@ -1,0 +1,120 @@
+"""The walks that figures and report are made of: the sample motion of section 6 by each scheme, and varied."""
+
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record
+from walkcore.values import read_only
+
+SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos": "herdt-2010-section-6"})
+SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_speed")
+PAPER_PERIOD = Parameters().sampling_period  # [s]
+HARD_PUSH = 0.22  # [m/s] that it adds to the velocity of the CoM: too much for the sole to take without a step
+SPARE = 1.1  # of what a widened foothold region allows, over the speed that is asked
+HEAVY = 100.0  # times the paper's weight of the speed, where little else is to count
+
+AS_SHIPPED = "as it ships"
+SPREAD = "feet may spread further"
+TOUCH = "feet may touch"
+SPREAD_HEAVY = "feet may spread further, and the speed weighs 100 times as much"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Variation:
+    """The sample motion without the push, where something is not as the robot ships."""
+
+    full: Recording
+    """By (19)."""
+    mean_speed: Recording
+    """By (31)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walks:
+    """All walks of one robot."""
+
+    robot: Robot
+    by_scheme: Mapping[str, Recording]
+    """The sample motion; `full` with the body, where there is one: the other figures do not show it."""
+    filtered: Recording | None
+    """By `full`, with the dynamic filter; None for a robot without a body."""
+    without_push: Recording
+    """By `full`."""
+    hard_push: Recording
+    """By `full`, with a push that calls for a step."""
+    variations: Mapping[str, Variation]
+    """What might decide how fast the robot walks sideways, one by one, at the paper's period."""
+
+
+def simulate(robot: str, control_period: float) -> Walks:
+    """All walks of one robot, on all cores.
+
+    Args:
+        robot: name of one whose sample motion ships.
+        control_period: of the sample motions [s].
+    """
+    motion = sample_motion(robot, control_period)
+    motions = {scheme: using(motion, scheme) for scheme in SCHEMES}
+    embodied = motions["full"] = replace(motion, robot=load_robot(robot))
+    varied = {name: (scenario, using(scenario, "mean_speed")) for name, scenario in _variations(robot).items()}
+    filtered = replace(embodied, parameters=embodied.parameters.changed({"dynamic_filter": True}))
+    filters = [filtered] if embodied.robot.body is not None else []
+    scenarios = [*motions.values(), *filters, pushed(motion, 0.0), pushed(motion, HARD_PUSH)]
+    scenarios += [scenario for pair in varied.values() for scenario in pair]
+    with ProcessPoolExecutor() as pool:
+        walked = iter(list(pool.map(record, scenarios)))
+    return Walks(
+        robot=embodied.robot,
+        by_scheme={scheme: next(walked) for scheme in motions},
+        filtered=next(walked) if filters else None,
+        without_push=next(walked),
+        hard_push=next(walked),
+        variations={name: Variation(next(walked), next(walked)) for name in varied},
+    )
+
+
+def sample_motion(robot: str, control_period: float) -> Scenario:
+    """The sample motion of section 6, by `full`, of a point mass with feet."""
+    shipped = load_scenario(SAMPLE_MOTIONS[robot])
+    parameters = shipped.parameters.changed({"control_period": control_period})
+    return replace(shipped, robot=replace(shipped.robot, body=None), parameters=parameters)
+
+
+def using(scenario: Scenario, scheme: str) -> Scenario:
+    """The same scenario by another scheme, with the horizon that it needs: (31) previews four steps, (19) two."""
+    nb_steps = 4 if scheme == "mean_speed" else 2
+    horizon = nb_steps * scenario.parameters.samples_per_step
+    return replace(scenario, parameters=replace(scenario.parameters, scheme=scheme, horizon_samples=horizon))
+
+
+def pushed(scenario: Scenario, velocity: float) -> Scenario:
+    """The same scenario with a push to the left that changes the velocity of the CoM by so much [m/s], or with none."""
+    push = Push(np.array([0.0, scenario.robot.mass * velocity])) if velocity > 0.0 else None
+    events = tuple(event if event.push is None else replace(event, push=push) for event in scenario.events)
+    return replace(scenario, events=events)
+
+
+def _variations(robot: str) -> dict[str, Scenario]:
+    motion = pushed(sample_motion(robot, PAPER_PERIOD), 0.0)
+    p, sole, region = motion.parameters, motion.robot.sole, motion.robot.foothold_region
+    asked = max(abs(event.reference.vy) for event in motion.events if event.reference is not None)
+    near, far = float(region[:, 1].min()), float(region[:, 1].max())
+    spread = _with_region(motion, near, max(far, near + SPARE * 2 * p.step_duration * asked))
+    return {
+        AS_SHIPPED: motion,
+        SPREAD: spread,
+        TOUCH: _with_region(motion, min(near, float(np.ptp(sole[:, 1]))), far),
+        SPREAD_HEAVY: replace(spread, parameters=replace(p, beta=HEAVY * p.beta, delta=HEAVY * p.delta)),
+    }
+
+
+def _with_region(scenario: Scenario, near: float, far: float) -> Scenario:
+    """The same scenario with a foothold region from `near` to `far` [m] beside the support foot."""
+    region = scenario.robot.foothold_region.copy()
+    y = region[:, 1]
+    region[:, 1] = near + (y - y.min()) * (far - near) / np.ptp(y)
+    return replace(scenario, robot=replace(scenario.robot, foothold_region=read_only(region)))
