@@ -43,7 +43,7 @@ def draw(found: Study, file: Path) -> None:
         handles, labels = panels[0].get_legend_handles_labels()
         panels[-1].legend(handles, labels, loc="center", frameon=False, markerscale=1.6, fontsize=10)
         figure.suptitle(f"{len(found.outcomes)} footholds of {found.robot}, with the CoM at {found.com_height:g} m")
-        figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
+        figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=200)
 
 
 def _draw_placements(panel: Axes, found: Study, region: SafeRegion) -> None:
@@ -54,7 +54,15 @@ def _draw_placements(panel: Axes, found: Study, region: SafeRegion) -> None:
         x, y, _ = found.placements[is_in_band & (outcomes == outcome)].T
         total = int(np.count_nonzero(outcomes == outcome))
         panel.scatter(
-            y, x, s=9, marker=marker, color=colour, linewidth=0.7, label=f"{outcome.label}: {total}", zorder=2
+            y,
+            x,
+            s=9,
+            marker=marker,
+            color=colour,
+            linewidth=0.7,
+            rasterized=True,
+            label=f"{outcome.label}: {total}",
+            zorder=2,
         )
     panel.add_patch(
         Polygon(region.vertices[:, ::-1], fill=False, edgecolor=_hex(SUPPORT), lw=1.8, label="polygon", zorder=3)

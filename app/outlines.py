@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 
 from walkcore import Robot, Snapshot
 from walkcore.gait import Footstep, Phase, Side
-from walkcore.regions import foothold_vertices, sole_vertices
+from walkcore.regions import sole_vertices
 from walkcore.values import Matrix, rotation
 
 
@@ -24,6 +24,6 @@ def foothold_regions(robot: Robot, snapshot: Snapshot) -> list[Matrix]:
     """Where each foothold of the plan may lie, given its predecessor; shapes (V, 2) [m]."""
     footholds = snapshot.plan.footholds if snapshot.plan is not None else ()
     return [
-        before.position + foothold_vertices(robot.foothold_region, foothold.side) @ rotation(before.yaw).T
+        before.position + robot.foothold_region_at(foothold.yaw - before.yaw, foothold.side) @ rotation(before.yaw).T
         for before, foothold in pairwise((snapshot.support, *footholds))
     ]

@@ -14,7 +14,7 @@ from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot,
 from walkcore.gait import Footstep, Phase
 from walkcore.pattern_generator import Status
 from walkcore.recording import row
-from walkcore.regions import foothold_vertices, polygon, sole_vertices
+from walkcore.regions import polygon, sole_vertices
 from walkcore.values import rotation
 
 MAY_BE_NAN = ("foothold", "true_cop", "time_to_touchdown")
@@ -83,7 +83,7 @@ def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> Non
         assert abs(foot.yaw - before.feet[side].yaw) <= robot.max_foot_yaw_rate * period + 1e-9, (now.tick, "yaw")
     if now.support.side is not before.support.side and before.phase is Phase.SINGLE_SUPPORT:
         stride = rotation(before.support.yaw).T @ (now.support.position - before.support.position)
-        region = polygon(foothold_vertices(robot.foothold_region, now.support.side))
+        region = polygon(robot.foothold_region_at(now.support.yaw - before.support.yaw, now.support.side))
         assert region.excess(stride) < 1e-5, (now.tick, "foothold outside", stride, region.excess(stride))
 
 

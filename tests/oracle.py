@@ -136,12 +136,20 @@ class Oracle:
         self.foothold_rows(k, m, n, G, h)
         return P, q, np.array(G), np.array(h), m
 
+    def region(self, yaw, landing_is_right):
+        """Where a foot may land in the frame of the other one, which it turns by yaw against."""
+        mirror = -1 if landing_is_right else 1
+        toes_out = yaw * mirror
+        bands = self.p["foothold_regions"]
+        band = min(bands, key=lambda band: max(band["yaw"][0] - toes_out, toes_out - band["yaw"][1], 0.0))
+        return np.array(band["region"]) * [1, mirror]
+
     def foothold_rows(self, k, m, n, G, h):
         p, N, side = self.p, self.N, int(self["support_side"][k])
-        previous, yaws = None, [self["support_yaw"][k], self["foothold_yaw"][k]]
+        previous, yaws = None, [self["support_yaw"][k], self["foothold_yaw"][k], self["foothold2_yaw"][k]]
         for foot in range(m):
             landing_is_right = (side + foot) % 2 == 0
-            region = np.array(p["foothold_region"]) * [1, -1 if landing_is_right else 1]
+            region = self.region(yaws[foot + 1] - yaws[foot], landing_is_right)
             c, s = math.cos(yaws[foot]), math.sin(yaws[foot])
             for normal, bound in edges(region @ np.array([[c, s], [-s, c]]), 0.0):
                 row = np.zeros(2 * n)

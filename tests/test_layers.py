@@ -12,7 +12,7 @@ CORE = """
     errors values
     command lipm schemes parameters
     gait
-    orientation robot regions
+    orientation regions robot
     capture supports preview qp walking_qp
     pattern_generator
     swing_foot

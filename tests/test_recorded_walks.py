@@ -64,7 +64,7 @@ def test_every_landed_foothold_lies_in_its_region(run):
     for k in np.flatnonzero(np.diff(run["support_side"]) != 0):
         before, after = np.array([[run[f"support_{a}"][i] for a in "xy"] for i in (k, k + 1)])
         landed_right = run["support_side"][k + 1] == 1
-        region = np.array(run.p["foothold_region"]) * [1, -1 if landed_right else 1]
+        region = run.region(run["support_yaw"][k + 1] - run["support_yaw"][k], landed_right)
         assert excess(turned(after - before, -run["support_yaw"][k]), region) < 1e-6
 
 

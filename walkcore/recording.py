@@ -121,6 +121,10 @@ def parameters_in_force(simulation: Simulation) -> dict[str, Any]:
             "frame": {"left": body.left_sole, "right": body.right_sole} if body is not None else None,
         },
         "foothold_region": robot.foothold_region.tolist(),
+        "foothold_regions": [
+            {"yaw": [region.lowest_yaw, region.highest_yaw], "region": region.vertices.tolist()}
+            for region in robot.foothold_regions
+        ],
         "max_foot_speed": robot.max_foot_speed.tolist(),
         "max_foot_yaw_rate": robot.max_foot_yaw_rate,
         "max_com_distance": robot.max_com_distance,
@@ -129,7 +133,8 @@ def parameters_in_force(simulation: Simulation) -> dict[str, Any]:
             "samples": "the first lies on the next multiple of sampling_period, the others follow a period apart",
             "standing": "before the first step, samples up to its beginning may have their CoP anywhere in the hull of"
             " both soles less the margin, and are drawn (gamma) to the middle between the feet",
-            "foothold_region": "of a left foot in the right foot's frame; mirrored in y for a right foot",
+            "foothold_region": "of a left foot in the right foot's frame, straight; mirrored in y for a right foot",
+            "foothold_regions": "the same by the yaw of the left foot against the right foot: the nearest band counts",
             "mirror": "a right sole is the left one mirrored in y",
         },
     }

@@ -5,6 +5,7 @@ how far it can still fly (30) are all of this form. Opposite parallel edges shar
 one row with two bounds, which halves the rows of the QP for a rectangular sole.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +109,11 @@ def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
 def mirrored(vertices: Matrix) -> Matrix:
     """Vertices, shape (V, 2), reflected from the left of the robot to its right."""
     return vertices * [1.0, -1.0]
+
+
+def closest_band(bands: Sequence[tuple[float, float]], yaw: float) -> int:
+    """Index of the band of yaws that holds `yaw` [rad], or of the nearest one."""
+    return min(range(len(bands)), key=lambda i: max(bands[i][0] - yaw, yaw - bands[i][1], 0.0))
 
 
 def foothold_vertices(region: Matrix, landing: Side) -> Matrix:

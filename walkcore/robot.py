@@ -13,6 +13,7 @@ import yaml
 from walkcore.command import Push, Reference
 from walkcore.errors import UnknownNameError
 from walkcore.gait import Footstep, Side
+from walkcore.regions import closest_band, foothold_vertices
 from walkcore.values import Matrix, Vector, check_range, read_only
 
 ROBOTS = files("walkcore") / "robots"
@@ -51,6 +52,18 @@ class SwingMoments:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class FootholdRegion:
+    """Where the left foot may land if its yaw against the right foot is within a band; mirrored for the right foot."""
+
+    lowest_yaw: float
+    """Toes out is positive [rad]."""
+    highest_yaw: float
+    """[rad]."""
+    vertices: Matrix
+    """In the right foot's frame [m], shape (V, 2)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """What `robots/<name>.yaml` says of a robot."""
 
@@ -63,8 +76,8 @@ class Robot:
     """Between the sole frames at rest [m]."""
     sole: Matrix
     """Outline of the left sole in its own frame [m], shape (V, 2); the right one is its mirror image."""
-    foothold_region: Matrix
-    """Where the left foot may land, in the right foot's frame [m], shape (V, 2); mirrored for the other."""
+    foothold_regions: tuple[FootholdRegion, ...]
+    """Where a foot may land, from toes in to toes out."""
     max_foot_speed: Vector
     """Along x and y of the support foot's frame [m/s], shape (2,): v_max of (30)."""
     max_foot_yaw_rate: float
@@ -79,6 +92,21 @@ class Robot:
     """Zero for a robot without a body."""
     body: BodyModel | None
     """None for a robot that is simulated as a point mass with feet."""
+
+    @property
+    def foothold_region(self) -> Matrix:
+        """Where the left foot may land, straight, in the right foot's frame [m], shape (V, 2)."""
+        return self.foothold_region_at(0.0, Side.LEFT)
+
+    def foothold_region_at(self, yaw: float, landing: Side) -> Matrix:
+        """Where a foot may land in the frame of the support foot [m], shape (V, 2).
+
+        Args:
+            yaw: of the landing foot against the support foot, counter-clockwise [rad].
+            landing: side of the landing foot, not of the support.
+        """
+        bands = [(region.lowest_yaw, region.highest_yaw) for region in self.foothold_regions]
+        return foothold_vertices(self.foothold_regions[closest_band(bands, yaw * landing.sign)].vertices, landing)
 
     def foot_at_rest(self, side: Side) -> Footstep:
         """Where a foot stands before the first command: the robot around the origin, facing x."""
@@ -132,7 +160,10 @@ def load_robot(name: str) -> Robot:
         com_height=float(data["com_height"]),
         stance_width=float(data["stance_width"]),
         sole=read_only(data["sole"]),
-        foothold_region=read_only(data["foothold_region"]),
+        foothold_regions=tuple(
+            FootholdRegion(float(band["yaw"][0]), float(band["yaw"][1]), read_only(band["region"]))
+            for band in data["foothold_regions"]
+        ),
         max_foot_speed=read_only(data["max_foot_speed"], shape=(2,)),
         max_foot_yaw_rate=float(data["max_foot_yaw_rate"]),
         max_com_distance=float(data["max_com_distance"]),

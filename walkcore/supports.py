@@ -1,8 +1,9 @@
 """What carries each sample of the horizon, and where the feet may go: the geometry of the walking QP."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from walkcore.command import Reference
 from walkcore.gait import Footstep, Horizon, Side
 from walkcore.orientation import Turn, foothold_yaws
 from walkcore.parameters import Parameters
-from walkcore.regions import HalfPlanes, box, foothold_vertices, polygon, sole_vertices
+from walkcore.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon, sole_vertices
 from walkcore.robot import Robot
 from walkcore.schemes import Footholds
 from walkcore.values import Matrix, Vector, rotation
@@ -71,7 +72,11 @@ class SupportGeometry:
         self._robot, self._parameters = robot, p
         at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
         self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
-        self._regions = {side: polygon(foothold_vertices(robot.foothold_region, side)) for side in Side}
+        self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
+        self._regions = {
+            side: [polygon(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
+            for side in Side
+        }
         timing = StepTiming(
             p.double_support_duration,
             p.step_duration - p.double_support_duration,
@@ -119,15 +124,15 @@ class SupportGeometry:
         aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
         if horizon.is_on_both.any():
             # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
-            to_other, other_yaw = (
-                (aside, last_yaw) if horizon.is_stopping else (swing.position - support.position, swing.yaw)
-            )
-            pair = self._stance(
-                Footstep(last_side, np.zeros(2), last_yaw), Footstep(last_side.other, to_other, other_yaw)
-            )
+            if horizon.is_stopping:
+                one, other = Footstep(last_side, np.zeros(2), last_yaw), Footstep(last_side.other, aside, last_yaw)
+            else:
+                one = Footstep(support.side, np.zeros(2), support.yaw)
+                other = Footstep(swing.side, swing.position - support.position, swing.yaw)
+            pair = self._stance(one, other)
             inner = pair.inset(self._parameters.cop_margin)
             for n in np.flatnonzero(horizon.is_on_both):
-                centre[n] += to_other / 2
+                centre[n] += other.position / 2
                 cop_polygons[n] = inner
             if horizon.is_on_both[-1]:
                 spare, capturable = inner, pair
@@ -143,7 +148,7 @@ class SupportGeometry:
             cop_polygons=tuple(cop_polygons),
             support_position=support.position,
             planned_footholds=planned,
-            foothold_regions=() if is_planned else tuple(self._regions[s.other].rotated(yaw) for s, yaw in feet[:m]),
+            foothold_regions=() if is_planned else tuple(self._regions_of(feet)),
             swing_position=swing.position,
             swing_reach=box(horizon.time_to_touchdown * self._robot.max_foot_speed).rotated(support.yaw),
             capturable_soon=soon,
@@ -162,13 +167,19 @@ class SupportGeometry:
         side, yaw = feet[int(horizon.foot[n])]
         return polygons[side][min(int(horizon.samples_left[n]), len(polygons[side]) - 1)].rotated(yaw)
 
+    def _regions_of(self, feet: Sequence[tuple[Side, float]]) -> Iterator[HalfPlanes]:
+        """Where each foothold may be relative to its predecessor, by the yaw between the two."""
+        for (_, before), (side, yaw) in pairwise(feet):
+            band = closest_band(self._bands, (yaw - before) * side.sign)
+            yield self._regions[side][band].rotated(before)
+
     def _planned(self, start: Vector, feet: Sequence[tuple[Side, float]], reference: Reference) -> Matrix:
         """Footholds that follow the reference velocity step by step, as far as their regions allow, shape (m, 2)."""
         drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
         positions = [start]
         for side, yaw in feet[:-1]:
             aside = np.array([0.0, side.other.sign * self._robot.stance_width])
-            region = self._regions[side.other]
+            region = self._regions[side.other][closest_band(self._bands, 0.0)]
             stride = aside + region.fraction_inside(aside, drift) * drift
             positions.append(positions[-1] + rotation(yaw) @ stride)
         return np.array(positions[1:]).reshape(-1, 2)

@@ -1,5 +1,6 @@
 """The walks that figures and report are made of: the sample motion of section 6 by each scheme, and varied."""
 
+import math
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -8,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record
+from walkcore.robot import FootholdRegion
 from walkcore.values import read_only
 
 SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos": "herdt-2010-section-6"})
@@ -117,4 +119,5 @@ def _with_region(scenario: Scenario, near: float, far: float) -> Scenario:
     region = scenario.robot.foothold_region.copy()
     y = region[:, 1]
     region[:, 1] = near + (y - y.min()) * (far - near) / np.ptp(y)
-    return replace(scenario, robot=replace(scenario.robot, foothold_region=read_only(region)))
+    anyhow = FootholdRegion(-math.pi, math.pi, read_only(region))
+    return replace(scenario, robot=replace(scenario.robot, foothold_regions=(anyhow,)))

@@ -12,7 +12,7 @@ from app.viewer.shapes import counter_clockwise, fan, outline, raised
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
 from walkcore.gait import Footstep, Phase, Side
-from walkcore.regions import foothold_vertices, mirrored
+from walkcore.regions import mirrored
 from walkcore.values import Matrix, rotation
 
 Place = tuple[float, float, float]  # x, y [m], yaw [rad]
@@ -124,7 +124,7 @@ class PlannedSoles:
             for patch, foot in zip_longest(patches, feet[: len(patches)]):
                 patch.update(stream, foot, sole) if foot is not None else patch.hide(stream)
         if footholds:
-            region = foothold_vertices(self._robot.foothold_region, footholds[0].side)
+            region = self._robot.foothold_region_at(footholds[0].yaw - snapshot.support.yaw, footholds[0].side)
             self._region.update(stream, snapshot.support, region)
         else:
             self._region.hide(stream)
