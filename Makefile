@@ -1,5 +1,6 @@
 # make run     set everything up and serve the demo on HOST:PORT (127.0.0.1:8000)
 # make test    set everything up and check it
+# make soak    check it for longer
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -11,7 +12,7 @@ APT := $$([ "$$(id -u)" = 0 ] || echo sudo -n) env DEBIAN_FRONTEND=noninteractiv
 debian = { echo 'make: installing $(1) $(2)'; { $(APT) update -qq && $(APT) install -y -qq $(1); } >/dev/null 2>&1; } \
 	|| { echo 'make: $(1) is missing $(2); install it: apt-get install $(1)' >&2; exit 1; }
 
-.PHONY: run test check install browser lock
+.PHONY: run test check soak install browser lock
 
 run: install
 	@exec $(BIN)/walk serve
@@ -23,6 +24,12 @@ check: install
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
+
+# Longer than a test may take: half an hour of random walks and pushes, every promise checked at every tick.
+soak: install
+	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5
+	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 6
+	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.1 --body
 
 install: $(STAMP)
 

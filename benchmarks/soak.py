@@ -74,7 +74,13 @@ def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> Non
         return
     soles = {side: sole_vertices(robot.sole, Footstep(side, f.position, f.yaw)) for side, f in now.feet.items()}
     on_ground = soles[now.support.side] if now.phase is Phase.SINGLE_SUPPORT else np.vstack(list(soles.values()))
-    assert polygon(on_ground).excess(now.cop) < 1e-6, (now.tick, now.status, "CoP outside", now.cop)
+    assert polygon(on_ground).excess(now.cop) < 1e-6, (
+        now.tick,
+        now.status,
+        now.phase,
+        "CoP outside",
+        polygon(on_ground).excess(now.cop),
+    )
     if before is None:
         return
     for side, foot in now.feet.items():

@@ -22,7 +22,7 @@ from walkcore.regions import HalfPlanes
 from walkcore.values import Matrix, Vector
 
 MARGIN_PENALTY = 1e4  # per metre and second; above any multiplier of the margin, so that the penalty is exact
-OVERSHOOT = 2e-3  # [m] of the margin that is never given up: between samples the CoP may bulge a little
+OVERSHOOT = 5e-3  # [m] of the margin that is never given up: between samples the CoP bulges by up to T^2/8 ddc
 GOAL_PENALTY = 1e5  # per metre; worth more than any margin given up for it, which grows tenfold over a step
 
 
