@@ -11,9 +11,11 @@ from matplotlib.patches import Polygon
 from app.footholds import Study
 from app.viewer.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
 from walkcore import Robot, load_robot
-from walkcore.footholds import HIGHEST, LOWEST, SafeRegion
+from walkcore.footholds import HIGHEST, LOWEST
 from walkcore.gait import Footstep, Side
+from walkcore.inscribed import area
 from walkcore.regions import sole_vertices
+from walkcore.robot import FootholdRegion
 from walkcore.step_trial import Outcome
 
 # Told apart by shape as well as by colour.
@@ -46,7 +48,7 @@ def draw(found: Study, file: Path) -> None:
         figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=200)
 
 
-def _draw_placements(panel: Axes, found: Study, region: SafeRegion) -> None:
+def _draw_placements(panel: Axes, found: Study, region: FootholdRegion) -> None:
     """The placements of a band by what came of them, and its polygon; seen from above, the robot facing up."""
     outcomes, yaw = np.asarray(found.outcomes), found.placements[:, 2]
     is_in_band = (region.lowest_yaw <= yaw) & (yaw <= region.highest_yaw)
@@ -68,13 +70,13 @@ def _draw_placements(panel: Axes, found: Study, region: SafeRegion) -> None:
         Polygon(region.vertices[:, ::-1], fill=False, edgecolor=_hex(SUPPORT), lw=1.8, label="polygon", zorder=3)
     )
     degrees = np.degrees([region.lowest_yaw, region.highest_yaw])
-    panel.set_title(f"yaw {degrees[0]:.1f}° to {degrees[1]:.1f}° ({region.area * 1e4:.0f} cm²)")
+    panel.set_title(f"yaw {degrees[0]:.1f}° to {degrees[1]:.1f}° ({area(region.vertices) * 1e4:.0f} cm²)")
     panel.set(aspect="equal", xlabel="y, to the left [m]", ylabel="x, forward [m]")
     panel.set_xlim(HIGHEST[1] + FRONT_AND_SIDE, -FRONT_AND_SIDE)
     panel.set_ylim(LOWEST[0] - FRONT_AND_SIDE, HIGHEST[0] + FRONT_AND_SIDE)
 
 
-def _draw_soles(panel: Axes, robot: Robot, region: SafeRegion) -> None:
+def _draw_soles(panel: Axes, robot: Robot, region: FootholdRegion) -> None:
     """The right sole, which stands, and a left one beside it with a yaw of the band."""
     yaw = (region.lowest_yaw + region.highest_yaw) / 2
     feet = (
@@ -86,7 +88,7 @@ def _draw_soles(panel: Axes, robot: Robot, region: SafeRegion) -> None:
         panel.add_patch(Polygon(outline, facecolor=_hex(colour), alpha=0.25, edgecolor=_hex(colour), zorder=1))
 
 
-def _middle(region: SafeRegion) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _middle(region: FootholdRegion) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.mean(region.vertices, axis=0)
 
 

@@ -13,14 +13,11 @@ from walkcore.values import Matrix
 
 def summary(found: Study) -> str:
     """The lines of a robot file, with where they come from as comments."""
-    straight = next(region for region in found.regions if region.lowest_yaw < 0.0 < region.highest_yaw)
     lines = [
         f"# {found.command}",
         f"# {len(found.outcomes)} placements: {_counts(found.outcomes)}",
         f"# {len(found.steps)} steps between any two new placements inside of the polygons: {_counts(found.steps)}",
-        "foothold_region:                      # m, of the left foot in the right foot's frame; mirrored for the other",
-        f"  {_corners(straight.vertices)}",
-        "foothold_regions:                     # by its yaw against the right foot, in rad, toes out positive",
+        "foothold_regions:   # m, of the left foot in the right foot's frame, by its yaw against it (rad, toes out)",
     ]
     for region in found.regions:
         lines += [
