@@ -19,7 +19,7 @@ CORE = """
     dynamic_filter
     whole_body
     collisions inscribed step_trial footholds
-    simulation
+    snapshot simulation
     scenario
     recording
 """.split()

@@ -146,6 +146,7 @@ def test_a_plan_starts_where_the_robot_is():
         (lambda: Parameters(step_duration=0.85), "step_duration"),
         (lambda: Parameters(double_support_duration=0.2), "double_support_duration"),
         (lambda: Parameters(horizon_samples=16.5), "horizon_samples"),
+        (lambda: Parameters(horizon_samples=8), "horizon_samples"),
         (lambda: Parameters.from_mapping({"alhpa": 1.0}), "parameters.alhpa"),
         (lambda: HRP2.check_reference(Reference(vx=5.0)), "reference.vx"),
         (lambda: HRP2.check_push(Push([1e3, 0.0])), "push.impulse"),

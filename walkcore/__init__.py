@@ -6,7 +6,8 @@ from walkcore.parameters import Parameters
 from walkcore.recording import Recording, record
 from walkcore.robot import Robot, load_robot, robot_names
 from walkcore.scenario import Scenario, load_scenario, scenario_names
-from walkcore.simulation import Simulation, Snapshot
+from walkcore.simulation import Simulation
+from walkcore.snapshot import Snapshot
 
 __all__ = [
     "Command",

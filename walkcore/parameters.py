@@ -93,6 +93,9 @@ class Parameters:
         if self.samples_per_step < 2:
             raise InvalidValueError("step_duration", self.step_duration, "must be at least two sampling periods")
 
+        if self.horizon_samples <= self.samples_per_step:
+            limit = f"must be more than the {self.samples_per_step} samples of a step, to hold the next foothold"
+            raise InvalidValueError("horizon_samples", self.horizon_samples, limit)
         if "mean_velocity" in self.terms.weights and self.horizon_samples < 4 * self.samples_per_step:
             raise InvalidValueError(
                 "horizon_samples", self.horizon_samples, f"must be at least {4 * self.samples_per_step} for mean_speed"

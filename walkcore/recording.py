@@ -14,7 +14,8 @@ import numpy as np
 from walkcore.gait import Footstep
 from walkcore.pattern_generator import Status
 from walkcore.scenario import Scenario
-from walkcore.simulation import Simulation, Snapshot
+from walkcore.simulation import Simulation
+from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector
 
 PACKAGES = ("numpy", "piqp", "pin", "pin-pink", "quadprog", "example-robot-data")

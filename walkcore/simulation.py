@@ -17,59 +17,10 @@ from walkcore.parameters import Parameters
 from walkcore.pattern_generator import PatternGenerator, Plan, Status
 from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
+from walkcore.snapshot import Snapshot
 from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, read_only, rotation
 from walkcore.whole_body import BodyTarget, WholeBody
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Snapshot:
-    """Everything about one tick, in the world frame: the state that the QP saw, and what it decided."""
-
-    tick: int
-    t: float
-    """[s]."""
-    com: CoMState
-    com_height: float
-    """[m]."""
-    jerk: Vector
-    """Of the CoM over the coming tick [m/s^3], shape (2,)."""
-    cop: Vector
-    """Of the model [m], shape (2,)."""
-    true_cop: Vector | None
-    """From the full inverse dynamics [m], shape (2,); None for a robot without a body."""
-    torques: Vector | None
-    """Of the joints, from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
-    reference: Reference
-    heading: float
-    """Of the robot [rad]."""
-    phase: Phase
-    support: Footstep
-    """The foot that the QP holds fixed."""
-    samples_on_support: int
-    """Samples of the horizon that the support foot carries alone."""
-    time_to_touchdown: float
-    """[s]."""
-    steps_to_stand: int
-    """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
-    left_foot: FootState
-    right_foot: FootState
-    push: Vector
-    """Impulse given at this tick [N s], shape (2,)."""
-    status: Status
-    reason: str
-    """What went wrong, where something did."""
-    plan: Plan | None
-    """None once the robot has fallen."""
-    com_offset: Vector
-    """From the model's CoM to the body's, where the dynamic filter moves it [m], shape (2,)."""
-    q: Vector | None
-    """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
-
-    @property
-    def feet(self) -> dict[Side, FootState]:
-        """Both soles."""
-        return {Side.LEFT: self.left_foot, Side.RIGHT: self.right_foot}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -316,7 +267,7 @@ class Simulation:
             after = body.follow(now, self._body_target(), period)
         except InverseKinematicsError as failure:
             self._fall_down(str(failure))
-            return replace(snapshot, status=Status.FALLEN, reason=str(failure))
+            return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
         self._q_before, self._q = now, after
         side = snapshot.support.side
         on_ground = (side,) if snapshot.phase is Phase.SINGLE_SUPPORT else (side, side.other)

@@ -1,0 +1,60 @@
+"""Everything about one tick, for whoever shows, streams, records or checks it."""
+
+from dataclasses import dataclass
+
+from walkcore.command import Reference
+from walkcore.gait import Footstep, Phase, Side
+from walkcore.lipm import CoMState
+from walkcore.pattern_generator import Plan, Status
+from walkcore.swing_foot import FootState
+from walkcore.values import Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """Everything about one tick, in the world frame: the state that the QP saw, and what it decided."""
+
+    tick: int
+    t: float
+    """[s]."""
+    com: CoMState
+    com_height: float
+    """[m]."""
+    jerk: Vector
+    """Of the CoM over the coming tick [m/s^3], shape (2,)."""
+    cop: Vector
+    """Of the model [m], shape (2,)."""
+    true_cop: Vector | None
+    """From the full inverse dynamics [m], shape (2,); None for a robot without a body."""
+    torques: Vector | None
+    """Of the joints, from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
+    reference: Reference
+    heading: float
+    """Of the robot [rad]."""
+    phase: Phase
+    support: Footstep
+    """The foot that the QP holds fixed."""
+    samples_on_support: int
+    """Samples of the horizon that the support foot carries alone."""
+    time_to_touchdown: float
+    """[s]."""
+    steps_to_stand: int
+    """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
+    left_foot: FootState
+    right_foot: FootState
+    push: Vector
+    """Impulse given at this tick [N s], shape (2,)."""
+    status: Status
+    reason: str
+    """What went wrong, where something did."""
+    plan: Plan | None
+    """None once the robot has fallen."""
+    com_offset: Vector
+    """From the model's CoM to the body's, where the dynamic filter moves it [m], shape (2,)."""
+    q: Vector | None
+    """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
+
+    @property
+    def feet(self) -> dict[Side, FootState]:
+        """Both soles."""
+        return {Side.LEFT: self.left_foot, Side.RIGHT: self.right_foot}
