@@ -331,8 +331,9 @@ def test_every_refusal_has_the_same_shape(api):
 def test_documentation_lists_every_route(server):
     assert httpx.get(f"{server.url}docs").status_code == 200
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
-    verbs = ("reference", "push", "pause", "resume", "step", "reset")
-    expected = {"/api/v1/health", "/api/v1/robots", "/api/v1/live", *(f"/api/v1/live/{verb}" for verb in verbs)}
+    verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters")
+    services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "live")}
+    expected = services | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
 
 
@@ -378,3 +379,9 @@ def test_parameters_change_while_the_robot_walks(api):
     assert api.patch("live/parameters", json={"cop_margin": 0.15}).status_code == 422
     assert api.get("live/parameters").json() == changed.json()
     assert api.patch("live/parameters", json=before).json() == before
+
+
+def test_scenarios_are_listed_as_they_ship(api):
+    shipped = {scenario["name"]: scenario for scenario in api.get("scenarios").json()}
+    assert set(shipped) >= {"herdt-2010-section-6", "herdt-2010-section-6-hrp2", "turns-and-stops"}
+    assert shipped["herdt-2010-section-6"]["events"][0] == {"t": 0.8, "reference": {"vx": 0.3}}

@@ -2,6 +2,7 @@
 
 import time
 from importlib.metadata import version
+from typing import Any
 
 import psutil
 from fastapi import APIRouter, Request
@@ -9,7 +10,7 @@ from fastapi import APIRouter, Request
 from app.routes.connection import LiveRunner
 from app.runner import LiveState
 from app.schemas import Health, RobotBody, robot_body
-from walkcore import load_robot, robot_names
+from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
 SLOW = 0.95  # real-time factor below which a walk is degraded
 
@@ -42,6 +43,12 @@ async def health(request: Request, runner: LiveRunner) -> Health:
 async def robots() -> list[RobotBody]:
     """The robots that ship, with the limits of what may be asked of them."""
     return [robot_body(load_robot(name)) for name in robot_names()]
+
+
+@router.get("/scenarios")
+async def scenarios() -> list[dict[str, Any]]:
+    """The scenarios that ship, as `walk run` takes them."""
+    return [dict(load_scenario(name).source) for name in scenario_names()]
 
 
 def _trouble(state: LiveState) -> str:
