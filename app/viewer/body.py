@@ -17,6 +17,7 @@ from walkcore.regions import mirrored
 from walkcore.robot import BodyModel
 
 SEE_THROUGH = 0.3  # opacity
+FEET = 0.45  # opacity: the centres of pressure lie below them
 FALLEN_SHARE = 0.6  # of the colour of a fallen robot
 FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
 
@@ -49,14 +50,23 @@ class BodyDrawing:
         self._data = self._model.createData()
         self._joints: dict[int, str] = {}
         self._parts: dict[str, Colour] = {}
+        self._opacity: dict[str, float | None] = {}
+        feet = {self._model.frames[self._model.getFrameId(body.sole(side))].parentJoint for side in Side}
         self._has_fallen = False
         for index, part in enumerate(body_parts(body, self._model, face_ratio)):
             if part.joint not in self._joints:
                 self._joints[part.joint] = f"{root}/{self._model.names[part.joint]}"
                 server.scene.add_frame(self._joints[part.joint], show_axes=False)
             name = f"{self._joints[part.joint]}/{index}"
-            server.scene.add_mesh_simple(name, part.vertices, part.faces, color=part.colour, receive_shadow=False)
-            self._parts[name] = part.colour
+            self._parts[name], self._opacity[name] = part.colour, FEET if part.joint in feet else None
+            server.scene.add_mesh_simple(
+                name,
+                part.vertices,
+                part.faces,
+                color=part.colour,
+                opacity=self._opacity[name],
+                receive_shadow=False,
+            )
 
     def update(self, stream: Stream, snapshot: Snapshot) -> None:
         """Put every link where forward kinematics says."""
@@ -75,8 +85,8 @@ class BodyDrawing:
 
     def see_through(self, stream: Stream, is_see_through: bool) -> None:
         """Make the meshes translucent, or solid again."""
-        for name in self._parts:
-            stream.properties(name, opacity=SEE_THROUGH if is_see_through else None, cast_shadow=not is_see_through)
+        for name, solid in self._opacity.items():
+            stream.properties(name, opacity=SEE_THROUGH if is_see_through else solid, cast_shadow=not is_see_through)
 
 
 class PointMassDrawing:
