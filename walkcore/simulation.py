@@ -24,13 +24,6 @@ from walkcore.whole_body import BodyTarget, WholeBody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fall:
-    """Why the robot fell."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _PushUnderWay:
     """What is left of a push."""
 
@@ -81,7 +74,7 @@ class Simulation:
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
         self._com = CoMState(middle, np.zeros(2), np.zeros(2))
         self._pushes: tuple[_PushUnderWay, ...] = ()
-        self._fall: _Fall | None = None
+        self._why_fallen = ""
         self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
@@ -112,7 +105,7 @@ class Simulation:
         snapshot = self._snapshot(command.reference, impulse, plan)
         if plan is not None:
             self._advance(plan)
-        if self._fall is None and self.body is not None:
+        if not self._why_fallen and self.body is not None:
             snapshot = self._move_body(self.body, snapshot, impulse)
         self._tick += 1
         return snapshot
@@ -125,7 +118,7 @@ class Simulation:
             self._pushes += (_PushUnderWay(impulse / ticks, ticks),)
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
-        return NO_IMPULSE if self._fall is not None else total
+        return NO_IMPULSE if self._why_fallen else total
 
     @property
     def _support(self) -> Footstep:
@@ -139,7 +132,7 @@ class Simulation:
 
     def _decide(self, reference: Reference) -> Plan | None:
         """The plan of this tick, or none if the robot has fallen."""
-        if self._fall is not None:
+        if self._why_fallen:
             return None
         distance = float(np.linalg.norm(self._com.position - self._support.position))
         if distance > self.robot.max_com_distance:
@@ -195,7 +188,7 @@ class Simulation:
 
     def _fall_down(self, reason: str) -> None:
         """Stay where the robot is until a reset."""
-        self._fall = _Fall(reason)
+        self._why_fallen = reason
         self._com = CoMState(self._com.position, np.zeros(2), np.zeros(2))
 
     def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None) -> Snapshot:
@@ -220,7 +213,7 @@ class Simulation:
             right_foot=self._feet[Side.RIGHT],
             push=read_only(impulse),
             status=Status.FALLEN if plan is None else plan.status,
-            reason=self._fall.reason if self._fall is not None else "",
+            reason=self._why_fallen,
             plan=plan,
             com_offset=self._offset.position,
             q=self._q,
