@@ -7,6 +7,7 @@ from typing import Any
 
 from walkcore.errors import InvalidValueError
 from walkcore.lipm import GRAVITY
+from walkcore.qp import SOLVERS
 from walkcore.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
 
@@ -53,10 +54,14 @@ class Parameters:
     """Highest point of the sole in the air [m]."""
     gravity: float = GRAVITY
     """g [m/s^2]."""
+    solver: str = "piqp"
+    """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
+        if self.solver not in SOLVERS:
+            raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
         for name, low, high in (
             ("alpha", 0.0, 1e3),
             ("beta", 0.0, 1e3),

@@ -140,7 +140,7 @@ class PatternGenerator:
         """
         scheme, axes = self._parameters.terms, phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
-            u = solve_qp(phase.qp.at(known, supports)).u
+            u = solve_qp(phase.qp.at(known, supports), self._parameters.solver).u
             if scheme.footholds is not Footholds.FREE or _leads_on(phase, axes(u), known, supports):
                 return u, Status.SOLVED, True
         u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u
