@@ -16,6 +16,7 @@ from walkcore.preview import Preview
 from walkcore.qp import QP, solve_qp
 from walkcore.robot import Robot
 from walkcore.schemes import Footholds
+from walkcore.stages import UNTIMED, Stages
 from walkcore.supports import SupportGeometry
 from walkcore.values import Matrix, Vector, read_only
 from walkcore.walking_qp import build_qp, rescue_qp
@@ -53,13 +54,14 @@ class Plan:
 class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
-    def __init__(self, robot: Robot, parameters: Parameters) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED) -> None:
         """Compute what does not change from tick to tick.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
         p = self._parameters = parameters
+        self._stages = stages
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
@@ -90,7 +92,9 @@ class PatternGenerator:
         supports = self._geometry.supports(support, swing, horizon, reference)
         preview = Preview(com, supports, self._lipm[horizon.ticks_to_sample])
         problem = build_qp(preview, _velocities(reference, heading, preview.lipm.times), self._parameters)
+        self._stages.lap("assemble")
         u, status, is_capturable = self._solve(problem, preview)
+        self._stages.lap("solve")
 
         lipm, layout = preview.lipm, preview.layout
         jerks = layout.jerks(u)
