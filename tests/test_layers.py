@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent
 
 # From the ground up; what stands on one line knows nothing of each other or is listed in order.
 CORE = """
-    errors values
+    errors values stages
     command lipm schemes qp parameters
     gait
     orientation regions robot
