@@ -19,9 +19,10 @@ CORE = """
     dynamic_filter
     whole_body
     collisions inscribed step_trial footholds
-    snapshot simulation
-    scenario
-    recording
+    snapshot state simulation
+    expectations events scenario
+    walk margins steady_walking recovery metrics
+    recording session
 """.split()
 SERVER = """
     pace runner
