@@ -22,12 +22,13 @@ CORE = """
     snapshot state simulation
     expectations events scenario
     walk margins steady_walking recovery metrics
-    recording session
+    recording session replay
 """.split()
 SERVER = """
     pace runner
     outlines schemas errors origin settings
     viewer proxy
+    formats
     figures
     footholds foothold_picture foothold_report
     routes

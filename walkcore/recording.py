@@ -106,12 +106,20 @@ class Recording:
         """The text of run.json."""
         return json.dumps(self.run(), indent=2, default=float, allow_nan=False) + "\n"
 
+    def write_npz(self, path: Path) -> None:
+        """Write an array for each column."""
+        np.savez(path, allow_pickle=False, **{name: self[name] for name in self.columns})
+
+    def write_csv(self, path: Path) -> None:
+        """Write a line for each tick, below the names of the columns."""
+        header = ",".join(self.columns)
+        np.savetxt(path, self.rows, fmt="%.17g", delimiter=",", header=header, comments="")
+
     def write(self, folder: Path) -> None:
         """Write recording.npz, recording.csv and run.json into a folder, which is made if need be."""
         folder.mkdir(parents=True, exist_ok=True)
-        np.savez(folder / "recording.npz", allow_pickle=False, **{name: self[name] for name in self.columns})
-        header = ",".join(self.columns)
-        np.savetxt(folder / "recording.csv", self.rows, fmt="%.17g", delimiter=",", header=header, comments="")
+        self.write_npz(folder / "recording.npz")
+        self.write_csv(folder / "recording.csv")
         (folder / "run.json").write_text(self.run_json(), encoding="utf-8")
 
 
