@@ -25,7 +25,7 @@ CORE = """
 """.split()
 SERVER = """
     pace runner
-    outlines schemas errors origin settings
+    palette outlines schemas errors origin settings
     viewer proxy
     figures
     footholds foothold_picture foothold_report

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 import viser
 
-from app.viewer.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
+from app.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
 from app.viewer.robot_mesh import body_parts
 from app.viewer.shapes import plate
 from app.viewer.stream import Stream

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from app.outlines import support_polygon
-from app.viewer.palette import LEFT_FOOT, REFERENCE, RIGHT_FOOT, SUPPORT, Colour
+from app.palette import LEFT_FOOT, REFERENCE, RIGHT_FOOT, SUPPORT, Colour
 from app.viewer.shapes import counter_clockwise, fan, outline, raised
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot

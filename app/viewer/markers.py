@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import viser
 
-from app.viewer.palette import COM, COP, COP_RIM, COP_TRAIL, GRID_CELL, PUSH, REFERENCE, TRUE_COP, Colour, linear
+from app.palette import COM, COP, COP_RIM, COP_TRAIL, GRID_CELL, PUSH, REFERENCE, TRUE_COP, Colour, linear
 from app.viewer.shapes import disc, polyline, raised
 from app.viewer.stream import Stream
 from walkcore import Snapshot

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
+from app.palette import GRID_CELL, GRID_SECTION, GROUND
 from app.viewer.body import draw_robot
 from app.viewer.footprints import PastFootprints, PlannedSoles, SupportPolygon
 from app.viewer.markers import Arrows, Balance
-from app.viewer.palette import GRID_CELL, GRID_SECTION, GROUND
 from app.viewer.push_watch import PushWatch
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
