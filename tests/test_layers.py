@@ -26,7 +26,7 @@ CORE = """
 """.split()
 SERVER = """
     pace runner
-    outlines schemas errors origin settings
+    palette outlines schemas errors origin settings
     viewer proxy
     formats
     figures
