@@ -3,9 +3,9 @@
     minimise  1/2 u^T P u + q^T u    subject to    lower <= G u <= upper
 
 The cost of the walking QP is almost flat along the foot positions: with metres as
-their unit a solver stops centimetres away while its residuals look fine. So each
-variable comes with its `scale`, and the solver sees u / scale; with these tolerances
-the footholds are within 0.2 mm of an exact solver's on the recorded walks (tests/test_recorded_walks.py).
+their unit a solver stops centimetres away while its residuals look fine. So they come
+in units of 10 km (`preview.py`); with these tolerances the footholds are within 0.2 mm of
+an exact solver's on the recorded walks (tests/test_recorded_walks.py).
 """
 
 from dataclasses import dataclass
@@ -36,8 +36,6 @@ class QP:
     """Shape (r,), minus infinity where a row has no lower bound."""
     upper: Vector
     """Shape (r,)."""
-    scale: Vector
-    """Magnitude of each variable as the solver should see it, shape (n,)."""
 
     @property
     def summary(self) -> str:
@@ -61,7 +59,6 @@ def solve_qp(problem: QP) -> Solution:
     Raises:
         NoSolutionFoundError: if PIQP does not reach its tolerance, which an infeasible problem ends in.
     """
-    S = problem.scale
     if not len(problem.lower):
         return Solution(np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64), np.zeros(0))
     solver = piqp.DenseSolver()
@@ -69,16 +66,16 @@ def solve_qp(problem: QP) -> Solution:
     settings.eps_abs = settings.eps_rel = TOLERANCE
     settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = GAP_TOLERANCE
     settings.max_iter = MAX_ITERATIONS
-    settings.preconditioner_iter = 0  # the scale is ours; PIQP's own makes the footholds 1 cm worse
+    settings.preconditioner_iter = 0  # the units are ours; PIQP's scaling makes the footholds 1 cm worse
     solver.setup(
-        P=np.asfortranarray(problem.P * S * S[:, None]),
-        c=problem.q * S,
-        G=np.asfortranarray(problem.G * S),
+        P=np.asfortranarray(problem.P),
+        c=problem.q,
+        G=np.asfortranarray(problem.G),
         h_l=np.maximum(problem.lower, -UNBOUNDED),
         h_u=np.minimum(problem.upper, UNBOUNDED),
     )
     status = solver.solve()
-    u = solver.result.x * S
-    if status != piqp.PIQP_SOLVED or not np.all(np.isfinite(u)):
+    u = solver.result.x
+    if status != piqp.PIQP_SOLVED or not np.isfinite(u).all():
         raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
     return Solution(u, solver.result.z_u - solver.result.z_l)

@@ -20,10 +20,10 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 from mcap.writer import CompressionType, Writer
 
+from app import palette
 from app.formats import foxglove as fg
 from app.formats.units import COUNTS, unit
 from app.outlines import support_polygon
-from app.viewer import palette
 from walkcore import Recording, Snapshot
 from walkcore.gait import Footstep, Side
 from walkcore.regions import sole_vertices
