@@ -19,14 +19,16 @@ CORE = """
     dynamic_filter
     whole_body
     collisions inscribed step_trial footholds
-    snapshot simulation
-    scenario
-    recording
+    snapshot state simulation
+    expectations events scenario
+    walk margins steady_walking recovery metrics
+    recording session replay
 """.split()
 SERVER = """
     pace runner
-    outlines schemas errors origin settings
+    palette outlines schemas errors origin settings
     viewer proxy
+    formats
     figures
     footholds foothold_picture foothold_report
     routes
