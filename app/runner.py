@@ -40,7 +40,9 @@ class LiveState:
     running: bool
     """Whether time passes; False while paused."""
     driver: str
-    """Who gives the reference: "none", "joystick", "sliders" or "rest"; the last one touched."""
+    """Who gives the reference: "none", "joystick", "keyboard", "gamepad", "button", "sliders" or "rest"."""
+    driver_client: str = ""
+    """Which of several browsers that is, where one of them drives."""
     fault: str = ""
     """The unexpected error that paused the robot, where one did."""
 
@@ -53,6 +55,8 @@ class _Drive:
     driver: str
     expires_at: float
     """On `time.perf_counter` [s]."""
+    client: str = ""
+    """The browser whose it is."""
 
 
 NOBODY = _Drive(Reference(), "none", math.inf)
@@ -67,7 +71,7 @@ class Runner:
         Raises:
             WalkError: if the robot cannot stand with these parameters.
         """
-        self.robot, self.parameters = robot, parameters
+        self.robot, self.parameters, self.defaults = robot, parameters, parameters
         self._simulation = Simulation(robot, parameters)
         self._pace = Pace(parameters.control_period)
         self._drive = NOBODY
@@ -92,7 +96,13 @@ class Runner:
         if self._thread.is_alive():
             self._thread.join()
 
-    def drive(self, reference: Reference, driver: str, expires_after: float | None = None) -> None:
+    @property
+    def helm(self) -> tuple[str, str]:
+        """Driver and client of the reference given last, ("none", "") once it has expired."""
+        drive = self._drive
+        return (drive.driver, drive.client) if time.perf_counter() <= drive.expires_at else (NOBODY.driver, "")
+
+    def drive(self, reference: Reference, driver: str, expires_after: float | None = None, client: str = "") -> None:
         """Give the reference from the next tick on.
 
         Args:
@@ -101,13 +111,14 @@ class Runner:
             expires_after: without a new one for so long [s] it becomes zero; None holds it. This is time
                 on the wall, not simulated: it guards against a hand that has left or a lost connection,
                 and those do not slow down with the simulation.
+            client: which of several browsers gives it.
 
         Raises:
             InvalidValueError: if the reference is beyond a limit.
         """
         self.robot.check_reference(reference)
         expires_at = math.inf if expires_after is None else time.perf_counter() + expires_after
-        self._drive = _Drive(reference, driver, expires_at)
+        self._drive = _Drive(reference, driver, expires_at, client)
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick.
@@ -185,7 +196,7 @@ class Runner:
         push = self._pushes.popleft() if self._pushes else None
         snapshot = self._simulation.step(Command(drive.reference, push))
         self._pace.record(time.perf_counter() - started)
-        self._latest = LiveState(snapshot, self._pace.timing, self._latest.running, drive.driver)
+        self._latest = LiveState(snapshot, self._pace.timing, self._latest.running, drive.driver, drive.client)
 
     def _set_running(self, running: bool) -> None:
         if running and not self._latest.running:

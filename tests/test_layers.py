@@ -25,6 +25,7 @@ CORE = """
 """.split()
 SERVER = """
     pace runner
+    hand
     outlines schemas errors origin settings
     viewer proxy
     figures
