@@ -28,6 +28,7 @@ SERVER = """
     hand
     outlines schemas errors origin settings
     viewer proxy
+    page
     figures
     footholds foothold_picture foothold_report
     routes
