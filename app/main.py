@@ -10,6 +10,7 @@ from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
 from app import errors
+from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, service, sockets
@@ -29,7 +30,7 @@ def create_app(settings: Settings) -> FastAPI:
     Raises:
         WalkError: if there is no such robot.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)
+    runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
 
     @asynccontextmanager
@@ -45,9 +46,16 @@ def create_app(settings: Settings) -> FastAPI:
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner = runner
     app.state.nb_streams = 0
+    app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
-    for routes in (live.router, sockets.router, service.router, viewer_router(lambda: viewer.port)):
+    for routes in (
+        live.router,
+        sockets.router,
+        service.router,
+        service.metrics_router,
+        viewer_router(lambda: viewer.port),
+    ):
         app.include_router(routes)
 
     @app.get("/", include_in_schema=False)

@@ -24,8 +24,11 @@ CORE = """
     recording
 """.split()
 SERVER = """
-    pace runner
-    outlines schemas errors origin settings
+    slot pace live_state
+    random_pushes last_push
+    control control_memory control_process control_link
+    runner
+    metrics outlines schemas errors origin settings
     viewer proxy
     figures
     footholds foothold_picture foothold_report
