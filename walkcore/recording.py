@@ -18,7 +18,7 @@ from walkcore.simulation import Simulation
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector
 
-PACKAGES = ("numpy", "piqp", "pin", "pin-pink", "quadprog", "example-robot-data")
+PACKAGES = ("numpy", "piqp", "daqp", "pin", "pin-pink", "quadprog", "example-robot-data")
 NOWHERE = (math.nan, math.nan, math.nan)
 
 

@@ -59,6 +59,7 @@ class Simulation:
         self._stages = stages
         self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
+        self._max_foot_speed = read_only([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate])
         self.reset()
 
     def change(self, parameters: Parameters) -> None:
@@ -251,7 +252,7 @@ class Simulation:
                 plan.footholds[0],
                 self._gait.time_to_touchdown(tick),
                 p.control_period,
-                np.array([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate]),
+                self._max_foot_speed,
                 self._support.yaw,
             )
             has_landed = self._gait.support_side(tick + 1) is side

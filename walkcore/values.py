@@ -3,7 +3,7 @@
 import math
 import numbers
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,12 +15,13 @@ Matrix = NDArray[np.float64]
 
 
 def read_only(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
-    """A copy of `array` in double precision that nobody can write to.
+    """`array` in double precision, as a copy that nobody can write to, unless it is one already.
 
     Raises:
         ValueError: if the shape is not the one asked for.
     """
-    copy = np.array(array, dtype=np.float64)
+    is_frozen = isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable
+    copy = cast(Vector, array) if is_frozen else np.array(array, dtype=np.float64)
     if shape is not None and copy.shape != shape:
         raise ValueError(f"shape {copy.shape} instead of {shape}")
     copy.flags.writeable = False
