@@ -3,13 +3,10 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
-from fastapi.staticfiles import StaticFiles
 
-from app import errors
+from app import errors, page
 from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
@@ -21,7 +18,6 @@ from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a hand on a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
-STATIC = Path(__file__).parent.parent / "static"
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -57,10 +53,5 @@ def create_app(settings: Settings) -> FastAPI:
         viewer_router(lambda: viewer.port),
     ):
         app.include_router(routes)
-
-    @app.get("/", include_in_schema=False)
-    async def page() -> FileResponse:
-        return FileResponse(STATIC / "index.html")
-
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    page.install(app)
     return app

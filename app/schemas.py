@@ -78,6 +78,13 @@ class TeleopMessage(Body):
 
     reference: ReferenceBody | None = None
     push: PushBody | None = None
+    driver: Literal["joystick", "keyboard", "gamepad", "button"] = Field(default="joystick", description="In the hand.")
+    grip: int | None = Field(
+        default=None,
+        ge=0,
+        description="Grows each time the hand takes hold anew. A reference from an older grip than another hand's "
+        "is ignored while that one drives; without a number each message takes hold.",
+    )
 
 
 class FieldError(BaseModel):

@@ -28,8 +28,10 @@ SERVER = """
     random_pushes last_push
     control control_memory control_process control_link
     runner
+    hand
     metrics outlines schemas errors origin settings
     viewer proxy
+    page
     figures
     footholds foothold_picture foothold_report
     routes

@@ -41,6 +41,12 @@ async def parameters(runner: LiveRunner) -> dict[str, Any]:
     return runner.parameters.to_mapping()
 
 
+@router.get("/parameters/defaults")
+async def defaults(runner: LiveRunner) -> dict[str, Any]:
+    """The parameters that the server started with."""
+    return runner.defaults.to_mapping()
+
+
 @router.patch("/parameters")
 async def change(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
     """Change some parameters while the robot walks, the scheme included; answers all of them."""

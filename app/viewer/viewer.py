@@ -14,6 +14,7 @@ import viser
 from viser import _messages
 
 from app.runner import Runner
+from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
 from app.viewer.scene import Look, Scene
 
@@ -37,6 +38,7 @@ class Viewer:
         self._runner = runner
         self._server = _server(runner.robot.name.capitalize())
         self._scene = Scene(self._server, runner.robot, Look() if look is None else look)
+        spare_light_clients(self._server)
         self._wishes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._panel = Panel(self._server, runner, self._wish_to_show, self._wish_to_see_through)
         self._server.gui.main_panel.set_width(270)
