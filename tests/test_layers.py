@@ -19,9 +19,10 @@ CORE = """
     dynamic_filter
     whole_body
     collisions inscribed step_trial footholds
-    snapshot simulation
-    scenario
-    recording
+    snapshot state simulation
+    expectations events scenario
+    walk margins steady_walking recovery metrics
+    recording session replay
 """.split()
 SERVER = """
     slot pace live_state
@@ -29,8 +30,9 @@ SERVER = """
     control control_memory control_process control_link
     runner
     hand
-    metrics outlines schemas errors origin settings
+    metrics palette outlines schemas errors origin settings
     viewer proxy
+    formats
     page
     figures
     footholds foothold_picture foothold_report

@@ -5,13 +5,13 @@ solve means. The state is the model's own: what the QP plans is what happens.
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
 from walkcore.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
-from walkcore.errors import InverseKinematicsError, NoSolutionFoundError
+from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
 from walkcore.gait import Footstep, Gait, Phase, Side
 from walkcore.lipm import CoMState
 from walkcore.parameters import Parameters
@@ -20,19 +20,10 @@ from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import Snapshot
 from walkcore.stages import UNTIMED, Stages
+from walkcore.state import PushUnderWay, SimulationState
 from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, read_only, rotation
 from walkcore.whole_body import BodyTarget, WholeBody
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _PushUnderWay:
-    """What is left of a push."""
-
-    impulse_per_tick: Vector
-    """World frame [N s], shape (2,)."""
-    ticks_left: int
-
 
 NO_IMPULSE = read_only(np.zeros(2))
 
@@ -80,11 +71,41 @@ class Simulation:
         self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
         self._com = CoMState(middle, np.zeros(2), np.zeros(2))
-        self._pushes: tuple[_PushUnderWay, ...] = ()
+        self._pushes: tuple[PushUnderWay, ...] = ()
         self._why_fallen = ""
         self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
+
+    @property
+    def state(self) -> SimulationState:
+        """All that the robot remembers, for `restore` of this or another simulation of it."""
+        return SimulationState(
+            tick=self._tick,
+            gait=self._gait,
+            left_foot=self._feet[Side.LEFT],
+            right_foot=self._feet[Side.RIGHT],
+            com=self._com,
+            pushes=self._pushes,
+            why_fallen=self._why_fallen,
+            com_offset=self._offset,
+            q=self._q,
+            q_before=self._q_before,
+        )
+
+    def restore(self, state: SimulationState) -> None:
+        """Go on from a state of the same robot, with the parameters that are in force here.
+
+        Raises:
+            InvalidValueError: if the state is without the configuration of this robot's body.
+        """
+        if self.body is not None and (state.q is None or state.q_before is None):
+            raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
+        self._tick, self._gait = state.tick, replace(state.gait, parameters=self.parameters)
+        self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
+        self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
+        self._offset = state.com_offset
+        self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
 
     @property
     def com_height(self) -> float:
@@ -133,7 +154,7 @@ class Simulation:
         if push is not None:
             ticks = max(1, round(push.duration / self.parameters.control_period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
-            self._pushes += (_PushUnderWay(impulse / ticks, ticks),)
+            self._pushes += (PushUnderWay(impulse / ticks, ticks),)
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
         return NO_IMPULSE if self._why_fallen else total
