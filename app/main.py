@@ -7,6 +7,7 @@ from importlib.metadata import version
 from fastapi import FastAPI
 
 from app import errors, page
+from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, service, sockets
@@ -25,7 +26,7 @@ def create_app(settings: Settings) -> FastAPI:
     Raises:
         WalkError: if there is no such robot.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)
+    runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
 
     @asynccontextmanager
@@ -41,9 +42,16 @@ def create_app(settings: Settings) -> FastAPI:
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner = runner
     app.state.nb_streams = 0
+    app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
-    for routes in (live.router, sockets.router, service.router, viewer_router(lambda: viewer.port)):
+    for routes in (
+        live.router,
+        sockets.router,
+        service.router,
+        service.metrics_router,
+        viewer_router(lambda: viewer.port),
+    ):
         app.include_router(routes)
     page.install(app)
     return app

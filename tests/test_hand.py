@@ -1,6 +1,7 @@
 """Several hands on one robot: the last one to take hold drives, and the others wait."""
 
 import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -13,9 +14,11 @@ FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)
 
 
 @pytest.fixture
-def runner() -> Runner:
+def runner() -> Iterator[Runner]:
     """Not started: what drives is known before the first tick."""
-    return Runner(load_robot("hrp2"), Parameters())
+    runner = Runner(load_robot("hrp2"), Parameters())
+    yield runner
+    runner.stop()
 
 
 def test_hand_that_was_overtaken_is_not_heard_until_it_takes_hold_anew(runner):

@@ -10,7 +10,7 @@ import trimesh
 import yourdfpy
 from numpy.typing import NDArray
 
-from app.viewer.palette import DEFAULT_MATERIAL, MATERIALS, Colour
+from app.palette import DEFAULT_MATERIAL, MATERIALS, Colour
 from walkcore.robot import BodyModel
 
 CREASE = np.radians(35.0)  # edges sharper than this stay sharp under smooth shading
