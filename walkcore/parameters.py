@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 from walkcore.errors import InvalidValueError
 from walkcore.lipm import GRAVITY
+from walkcore.qp import SOLVERS
 from walkcore.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: every tick asks many times for the properties, which are computed once
 class Parameters:
     """Weights, horizon, timing and margins of the walking motion generation."""
 
@@ -52,10 +54,14 @@ class Parameters:
     """Highest point of the sole in the air [m]."""
     gravity: float = GRAVITY
     """g [m/s^2]."""
+    solver: str = "piqp"
+    """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
+        if self.solver not in SOLVERS:
+            raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
         for name, low, high in (
             ("alpha", 0.0, 1e3),
             ("beta", 0.0, 1e3),
@@ -135,17 +141,17 @@ class Parameters:
                 raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
         return new
 
-    @property
+    @cached_property
     def terms(self) -> Scheme:
         """What the scheme's name stands for."""
         return SCHEMES[self.scheme]
 
-    @property
+    @cached_property
     def ticks_per_sample(self) -> int:
         """Control ticks from one sample of the gait's grid to the next."""
         return round(self.sampling_period / self.control_period)
 
-    @property
+    @cached_property
     def samples_per_step(self) -> int:
         """Samples that one support foot carries."""
         return round(self.step_duration / self.sampling_period)

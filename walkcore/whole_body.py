@@ -7,8 +7,9 @@ full inverse dynamics of the motion (`pin.rnea`), where the paper's model (5)-(6
 neglects what the turning of the body's parts adds.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -95,6 +96,11 @@ class WholeBody:
         return np.array(self.model.effortLimit[6:])
 
     @property
+    def max_speeds(self) -> Vector:
+        """Velocity limits of the URDF [rad/s], shape (nv - 6,)."""
+        return np.array(self.model.velocityLimit[6:])
+
+    @property
     def mass(self) -> float:
         """Of all links [kg]."""
         return float(pin.computeTotalMass(self.model))
@@ -151,6 +157,22 @@ class WholeBody:
         tasks = (self._com, *self._soles.values())
         return max(float(np.max(np.abs(task.compute_error(configuration)))) for task in tasks)
 
+    def errors(self, q: Vector, com: Vector, feet: Mapping[Side, FootState]) -> tuple[float, float]:
+        """How far the CoM, and the sole that is further off, are from where they should be [m].
+
+        Args:
+            q: configuration, shape (nq,).
+            com: where it should be, world frame [m], shape (3,).
+            feet: where they should be.
+        """
+        pin.framesForwardKinematics(self.model, self._data, q)
+        off = [
+            self._data.oMf[self.model.getFrameId(self._soles[side].frame)].translation - [*foot.position, foot.height]
+            for side, foot in feet.items()
+        ]
+        com_off = pin.centerOfMass(self.model, self._data, q) - com
+        return float(np.linalg.norm(com_off)), max(float(np.linalg.norm(one)) for one in off)
+
     def dynamics(
         self, before: Vector, now: Vector, after: Vector, tick: float, push: Vector, on_ground: Sequence[Side]
     ) -> Dynamics:
@@ -199,6 +221,12 @@ class WholeBody:
             jacobian = pin.getFrameJacobian(self.model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
             wrench: Vector = np.multiply(share, np.concatenate([force, left_over]))
             yield wrench, jacobian
+
+
+@cache
+def configuration_size(body: BodyModel) -> int:
+    """nq: numbers in a configuration of that body."""
+    return int(pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer()).nq)
 
 
 def sole_placement(foot: FootState) -> pin.SE3:
