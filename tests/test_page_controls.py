@@ -226,6 +226,49 @@ def test_time_stops_and_passes_tick_by_tick(visit, api):
     wait_for(lambda: live(api)["tick"] > tick + 20)
 
 
+def test_samples_speed_and_both_times(visit, api):
+    page = visit()
+    page.keyboard.press("p")
+    start = api.post("live/reset").json()
+    page.get_by_role("button", name="1 sample").click()
+    wait_for(lambda: live(api)["t"] == pytest.approx(start["t"] + 0.1))
+    page.get_by_test_id("speed").select_option(label="1/4 ×")
+    wait_for(lambda: live(api)["speed"] == 0.25)
+    page.keyboard.press("p")
+    wait_for(lambda: live(api)["t"] > 0.5)
+    expect(page.locator("#factor")).to_have_text(re.compile(r"0\.[12]\d"))
+    expect(page.locator("#real-time")).to_have_text(re.compile(r"of 0:0\d\.\d"))
+    api.post("live/speed", json={"factor": 0.3})
+    expect(page.get_by_test_id("speed")).to_have_value("0.3")  # as somebody else chose
+    page.get_by_test_id("speed").select_option(label="1 ×")
+    wait_for(lambda: live(api)["speed"] == 1.0)
+
+
+def test_page_tells_what_became_of_the_last_push(visit, api):
+    page = visit()
+    page.get_by_test_id("push").click()
+    expect(page.get_by_test_id("last-push")).to_have_text(re.compile(r"12 N·s: caught (in \d steps?|without a step)"))
+    api.post("live/push", json={"impulse": [0.0, -60.0]})
+    expect(page.get_by_test_id("last-push")).to_have_text("fell to 60 N·s")
+    expect(page.get_by_test_id("status")).to_contain_text("fallen")
+    expect(page.get_by_role("alert")).to_contain_text("Press Reset")
+    page.get_by_test_id("reset").click()
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+
+
+def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
+    page, other = visit(), visit()
+    page.get_by_test_id("random").click()
+    for each in (page, other):
+        expect(each.get_by_test_id("random")).to_have_attribute("aria-pressed", "true")
+    assert live(api)["random_pushes"]["strength"] == 12.0
+    page.get_by_label("Strength of the push in newton seconds").focus()
+    page.keyboard.press("ArrowRight")
+    wait_for(lambda: live(api)["random_pushes"]["strength"] == 13.0)
+    other.get_by_test_id("random").click()
+    wait_for(lambda: live(api)["random_pushes"] is None)
+
+
 def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit, api, server):
     before = api.get("live/parameters").json()
     try:
