@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
-from app.runner import NotPausedError
+from app.runner import NoAnswerError, NotPausedError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
 
@@ -24,6 +24,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(InvalidValueError, _refuse_value)
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
+    app.add_exception_handler(NoAnswerError, _cannot_answer)
 
 
 def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
@@ -85,6 +86,10 @@ async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
 
 async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
     return _answer(422, str(error))
+
+
+async def _cannot_answer(_: Request, error: Exception) -> JSONResponse:
+    return _answer(503, str(error))
 
 
 async def _refuse_now(_: Request, error: Exception) -> JSONResponse:

@@ -3,13 +3,11 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
-from fastapi.staticfiles import StaticFiles
 
-from app import errors
+from app import errors, page
+from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, service, sockets
@@ -20,7 +18,6 @@ from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a hand on a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
-STATIC = Path(__file__).parent.parent / "static"
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -29,7 +26,7 @@ def create_app(settings: Settings) -> FastAPI:
     Raises:
         WalkError: if there is no such robot.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)
+    runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
 
     @asynccontextmanager
@@ -45,14 +42,16 @@ def create_app(settings: Settings) -> FastAPI:
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner = runner
     app.state.nb_streams = 0
+    app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
-    for routes in (live.router, sockets.router, service.router, viewer_router(lambda: viewer.port)):
+    for routes in (
+        live.router,
+        sockets.router,
+        service.router,
+        service.metrics_router,
+        viewer_router(lambda: viewer.port),
+    ):
         app.include_router(routes)
-
-    @app.get("/", include_in_schema=False)
-    async def page() -> FileResponse:
-        return FileResponse(STATIC / "index.html")
-
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    page.install(app)
     return app

@@ -1,5 +1,6 @@
 """A real server, started as a user starts it."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,9 +11,11 @@ from pathlib import Path
 
 import httpx
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
 WALK = Path(sys.executable).parent / "walk"
 START = 60.0  # [s] a slow machine may take
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @dataclass
@@ -74,3 +77,16 @@ def api(server: Server) -> Iterator[httpx.Client]:
         client.post("live/reset").raise_for_status()
         client.post("live/resume").raise_for_status()
         yield client
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One browser for the tests of a file."""
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    assert path is not None, "no browser; `make browser` installs one"
+    with sync_playwright() as playwright:
+        # Without a sandbox, so that it starts as root, too; it sees our own page only.
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()

@@ -331,7 +331,7 @@ def test_every_refusal_has_the_same_shape(api):
 def test_documentation_lists_every_route(server):
     assert httpx.get(f"{server.url}docs").status_code == 200
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
-    verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters")
+    verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "live")}
     expected = services | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected

@@ -25,10 +25,15 @@ CORE = """
     recording session replay
 """.split()
 SERVER = """
-    pace runner
-    palette outlines schemas errors origin settings
+    slot pace live_state
+    random_pushes last_push
+    control control_memory control_process control_link
+    runner
+    hand
+    metrics palette outlines schemas errors origin settings
     viewer proxy
     formats
+    page
     figures
     footholds foothold_picture foothold_report
     routes

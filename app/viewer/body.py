@@ -6,9 +6,10 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 import viser
+from viser import _messages
 
 from app.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
-from app.viewer.robot_mesh import body_parts
+from app.viewer.robot_mesh import BodyPart, body_parts
 from app.viewer.shapes import plate
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
@@ -58,14 +59,7 @@ class BodyDrawing:
         for index, part in enumerate(parts):
             name = f"{self._joints[part.joint]}/{index}"
             self._parts[name], self._opacity[name] = part.colour, FEET if part.joint in feet else None
-            server.scene.add_mesh_simple(
-                name,
-                part.vertices,
-                part.faces,
-                color=part.colour,
-                opacity=self._opacity[name],
-                receive_shadow=False,
-            )
+            _add_part(server, name, part, self._opacity[name])
 
     def _add_joints(self, server: viser.ViserServer, root: str, seen: set[int]) -> dict[int, str]:
         """A frame for each joint that moves something to be seen, within that of its parent joint.
@@ -103,6 +97,28 @@ class BodyDrawing:
         """Make the meshes translucent, or solid again."""
         for name, solid in self._opacity.items():
             stream.properties(name, opacity=SEE_THROUGH if is_see_through else solid, cast_shadow=not is_see_through)
+
+
+def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> None:
+    """Add a part as `add_mesh_simple` does, which makes floats of what clients take as whole numbers: twice the bytes."""
+    vertices, faces, step = part.quantised()
+    message = _messages.MeshMessage(
+        name,
+        _messages.MeshProps(
+            vertices=vertices,  # pyright: ignore[reportArgumentType]  # any type of three.js does
+            faces=faces,  # pyright: ignore[reportArgumentType]
+            color=part.colour,
+            wireframe=False,
+            opacity=opacity,
+            flat_shading=False,
+            side="double",  # shells of one layer, seen from inside where they are open
+            material="standard",
+            scale=step,
+            cast_shadow=True,
+            receive_shadow=False,
+        ),
+    )
+    viser.MeshHandle._make(server.scene, message, name, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), True)
 
 
 def _ancestry(parents: Sequence[int], joint: int) -> Iterator[int]:
