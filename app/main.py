@@ -10,10 +10,12 @@ from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
 from app import errors
+from app.body_limit import BodyLimitMiddleware
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
-from app.routes import live, service, sockets
+from app.routes import live, runs, service, sockets
 from app.runner import Runner
+from app.runs import Limits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
@@ -28,26 +30,33 @@ def create_app(settings: Settings) -> FastAPI:
 
     Raises:
         WalkError: if there is no such robot.
+        OSError: if the folder for runs cannot be written to.
     """
     runner = Runner(load_robot(settings.robot), LIVE)
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
+
+    scripted = _runs(settings)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         runner.start()
         viewer.start()
+        scripted.start()
         try:
             yield
         finally:
+            scripted.stop()
             viewer.stop()
             runner.stop()
 
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner = runner
+    app.state.runs = scripted
     app.state.nb_streams = 0
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
-    for routes in (live.router, sockets.router, service.router, viewer_router(lambda: viewer.port)):
+    app.add_middleware(BodyLimitMiddleware)
+    for routes in (live.router, sockets.router, runs.router, service.router, viewer_router(lambda: viewer.port)):
         app.include_router(routes)
 
     @app.get("/", include_in_schema=False)
@@ -56,3 +65,15 @@ def create_app(settings: Settings) -> FastAPI:
 
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     return app
+
+
+def _runs(settings: Settings) -> Runs:
+    limits = Limits(settings.runs_max_duration, settings.runs_max_ticks, settings.runs_max_events)
+    return Runs(
+        settings.walk_data,
+        nb_workers=settings.runs_workers,
+        nb_queued=settings.runs_queued,
+        nb_kept=settings.runs_kept,
+        bytes_kept=settings.runs_bytes,
+        limits=limits,
+    )

@@ -24,8 +24,8 @@ CORE = """
     recording
 """.split()
 SERVER = """
-    pace runner
-    outlines schemas errors origin settings
+    pace runner runs
+    outlines schemas run_schemas errors body_limit origin settings
     viewer proxy
     figures
     footholds foothold_picture foothold_report
