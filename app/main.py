@@ -14,9 +14,11 @@ from app.body_limit import BodyLimitMiddleware
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, runs, service, sockets
+from app.routes.signin import signin_router
 from app.runner import Runner
 from app.runs import Limits, Runs
 from app.settings import Settings
+from app.token import Token, TokenMiddleware
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
 
@@ -55,6 +57,10 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.nb_streams = 0
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
+    if settings.walk_token.get_secret_value():
+        token = Token(settings.walk_token.get_secret_value())
+        app.add_middleware(TokenMiddleware, token=token)
+        app.include_router(signin_router(token, STATIC / "signin.html"))
     app.add_middleware(BodyLimitMiddleware)
     for routes in (live.router, sockets.router, runs.router, service.router, viewer_router(lambda: viewer.port)):
         app.include_router(routes)

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -21,6 +21,8 @@ class Settings(BaseSettings):
     """Robot that walks on the page."""
     scene: Literal["full", "light"] = "full"
     """Light, with coarser meshes and no shadows, where browsers render without a graphics card."""
+    walk_token: SecretStr = SecretStr("")
+    """Asked for by page, sockets and API; nothing is asked where it is empty."""
     walk_data: Path = Path("~/.local/share/walk")
     """Folder where runs are kept; one server each."""
     runs_workers: int = Field(default=max(1, (os.cpu_count() or 2) - 1), ge=1, le=256)

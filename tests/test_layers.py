@@ -25,7 +25,7 @@ CORE = """
 """.split()
 SERVER = """
     pace runner runs
-    outlines schemas run_schemas errors body_limit origin settings
+    outlines schemas run_schemas errors body_limit origin token settings
     viewer proxy
     figures
     footholds foothold_picture foothold_report
