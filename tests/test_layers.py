@@ -25,10 +25,15 @@ CORE = """
     recording session replay
 """.split()
 SERVER = """
-    pace runner
-    palette outlines schemas errors origin settings
+    slot pace live_state
+    random_pushes last_push
+    control control_memory control_process control_link
+    runner
+    hand runs
+    metrics palette outlines schemas run_schemas errors body_limit origin token settings
     viewer proxy
     formats
+    page
     figures
     footholds foothold_picture foothold_report
     routes

@@ -108,7 +108,8 @@ class Recording:
 
     def write_npz(self, path: Path) -> None:
         """Write an array for each column."""
-        np.savez(path, allow_pickle=False, **{name: self[name] for name in self.columns})
+        with path.open("wb") as file:  # a path would be given the ending that NumPy likes
+            np.savez(file, allow_pickle=False, **{name: self[name] for name in self.columns})
 
     def write_csv(self, path: Path) -> None:
         """Write a line for each tick, below the names of the columns."""

@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from walkcore.values import Matrix
 
 Json = dict[str, Any]
@@ -112,14 +110,19 @@ def time(nanoseconds: int) -> Json:
     return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
 
 
-def xyz(x: float, y: float, z: float) -> Json:
-    """A vector or a point."""
-    return {"x": float(x), "y": float(y), "z": float(z)}
+def xyz(place: Iterable[float]) -> Json:
+    """A vector or a point, shape (3,)."""
+    return dict(zip("xyz", map(float, place), strict=True))
 
 
-def pose(x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> Json:
-    """A place above the ground, turned about the vertical by `yaw` [rad]."""
-    return {"position": xyz(x, y, z), "orientation": upright(yaw)}
+def pose(place: Iterable[float], yaw: float = 0.0) -> Json:
+    """A place, shape (3,) [m], turned about the vertical by `yaw` [rad]."""
+    return {"position": xyz(place), "orientation": upright(yaw)}
+
+
+def on_ground(place: Iterable[float], yaw: float = 0.0) -> Json:
+    """A place on the ground, shape (2,) [m], turned about the vertical by `yaw` [rad]."""
+    return pose((*place, 0.0), yaw)
 
 
 def upright(yaw: float) -> Json:
@@ -157,16 +160,16 @@ def entity(at: Json, name: str, **primitives: list[Json]) -> Json:
     }
 
 
-def sphere(x: float, y: float, z: float, diameter: float, rgb: Sequence[int]) -> Json:
-    """A ball."""
-    return {"pose": pose(x, y, z), "size": xyz(diameter, diameter, diameter), "color": colour(rgb)}
+def sphere(place: Iterable[float], diameter: float, rgb: Sequence[int]) -> Json:
+    """A ball around a point, shape (3,) [m]."""
+    return {"pose": pose(place), "size": xyz([diameter] * 3), "color": colour(rgb)}
 
 
-def arrow(x: float, y: float, z: float, yaw: float, length: float, rgb: Sequence[int]) -> Json:
-    """A level arrow from a point."""
+def arrow(place: Iterable[float], yaw: float, length: float, rgb: Sequence[int]) -> Json:
+    """A level arrow from a point, shape (3,) [m]."""
     shaft, head = 0.75 * length, 0.25 * length
     return {
-        "pose": pose(x, y, z, yaw),
+        "pose": pose(place, yaw),
         "shaft_length": shaft,
         "shaft_diameter": 0.03,
         "head_length": head,
@@ -177,8 +180,8 @@ def arrow(x: float, y: float, z: float, yaw: float, length: float, rgb: Sequence
 
 def patch(corners: Matrix, height: float, rgb: Sequence[int], opacity: float) -> tuple[list[Json], list[Json]]:
     """A convex polygon, shape (V, 2) and in order, as an outline and as triangles: `lines` and `triangles`."""
-    points = [xyz(x, y, height) for x, y in np.asarray(corners)]
-    plain: Json = {"pose": pose(0.0, 0.0), "points": points, "colors": []}
+    points = [xyz((*corner, height)) for corner in corners.tolist()]
+    plain: Json = {"pose": on_ground((0.0, 0.0)), "points": points, "colors": []}
     outline = plain | {"type": 1, "thickness": 2.0, "scale_invariant": True, "color": colour(rgb), "indices": []}
     return [outline], [plain | {"color": colour(rgb, opacity), "indices": list(_fan(len(points)))}]
 

@@ -100,20 +100,20 @@ def _frame(at: int, s: Snapshot, recording: Recording, links: "_Links | None") -
     now = fg.time(at)
     in_world = {"timestamp": now, "frame_id": fg.WORLD}
     com = (*s.com.position, s.com_height)
-    frames = [fg.transform(now, "com", fg.xyz(*com), fg.upright(s.heading))]
+    frames = [fg.transform(now, "com", fg.xyz(com), fg.upright(s.heading))]
     for side, foot in s.feet.items():
         name = f"{side.name.lower()}_foot"
-        frames.append(fg.transform(now, name, fg.xyz(*foot.position, foot.height), fg.upright(foot.yaw)))
+        frames.append(fg.transform(now, name, fg.xyz((*foot.position, foot.height)), fg.upright(foot.yaw)))
     if links is not None and s.q is not None:
         frames += links.transforms(now, s.q)
     yield at, "/tf", {"transforms": frames}
     yield at, "/walk/scene", {"deletions": [], "entities": list(_entities(now, s, recording))}
     footholds = () if s.plan is None else s.plan.footholds
-    yield at, "/walk/footholds", in_world | {"poses": [fg.pose(*f.position, yaw=f.yaw) for f in footholds]}
-    yield at, "/walk/com", in_world | {"pose": fg.pose(*com, yaw=s.heading)}
-    yield at, "/walk/cop", in_world | {"pose": fg.pose(*s.cop)}
+    yield at, "/walk/footholds", in_world | {"poses": [fg.on_ground(f.position, f.yaw) for f in footholds]}
+    yield at, "/walk/com", in_world | {"pose": fg.pose(com, s.heading)}
+    yield at, "/walk/cop", in_world | {"pose": fg.on_ground(s.cop)}
     if s.true_cop is not None:
-        yield at, "/walk/true_cop", in_world | {"pose": fg.pose(*s.true_cop)}
+        yield at, "/walk/true_cop", in_world | {"pose": fg.on_ground(s.true_cop)}
 
 
 def _entities(now: fg.Json, s: Snapshot, recording: Recording) -> Iterator[fg.Json]:
@@ -131,10 +131,10 @@ def _entities(now: fg.Json, s: Snapshot, recording: Recording) -> Iterator[fg.Js
         yield fg.entity(now, f"foothold_{number + 1}", lines=outline)
     lines, triangles = fg.patch(support_polygon(recording.scenario.robot, s), 0.001, palette.SUPPORT, 0.3)
     yield fg.entity(now, "support_polygon", lines=lines, triangles=triangles)
-    yield fg.entity(now, "com", spheres=[fg.sphere(*s.com.position, s.com_height, 0.09, palette.COM)])
-    yield fg.entity(now, "cop", spheres=[fg.sphere(*s.cop, 0.01, 0.04, palette.COP)])
+    yield fg.entity(now, "com", spheres=[fg.sphere((*s.com.position, s.com_height), 0.09, palette.COM)])
+    yield fg.entity(now, "cop", spheres=[fg.sphere((*s.cop, 0.01), 0.04, palette.COP)])
     if s.true_cop is not None:
-        yield fg.entity(now, "true_cop", spheres=[fg.sphere(*s.true_cop, 0.01, 0.03, palette.TRUE_COP)])
+        yield fg.entity(now, "true_cop", spheres=[fg.sphere((*s.true_cop, 0.01), 0.03, palette.TRUE_COP)])
     yield fg.entity(now, "push", arrows=list(_push_arrow(s, recording)))
 
 
@@ -148,7 +148,7 @@ def _push_arrow(s: Snapshot, recording: Recording) -> Iterator[fg.Json]:
     if strength > 0.0:
         length, yaw = PUSH_LENGTH * strength, math.atan2(y, x)
         start = s.com.position - length * np.array([x, y]) / strength
-        yield fg.arrow(start[0], start[1], 1.2 * s.com_height, yaw, length, palette.PUSH)
+        yield fg.arrow((*start, 1.2 * s.com_height), yaw, length, palette.PUSH)
 
 
 class _Links:
@@ -175,7 +175,7 @@ class _Links:
         pin.framesForwardKinematics(self._model, self._data, q)
         for frame, name in self._links:
             x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.oMf[frame]).tolist()
-            yield fg.transform(now, name, fg.xyz(x, y, z), {"x": qx, "y": qy, "z": qz, "w": qw})
+            yield fg.transform(now, name, fg.xyz((x, y, z)), {"x": qx, "y": qy, "z": qz, "w": qw})
 
 
 def _json(content: fg.Json) -> str:

@@ -140,7 +140,10 @@ def _illuminate(server: viser.ViserServer, look: Look) -> None:
     """A soft studio that ships with viser, and a sun over the left shoulder of whoever stands behind the robot."""
     server.scene.configure_environment_map("studio", environment_intensity=0.7)
     server.scene.configure_default_lights(enabled=False)
-    server.scene.add_light_directional(
-        "/light/key", position=(-2.0, 3.0, 4.5), intensity=1.5, cast_shadow=look.has_shadows
-    )
+    add_key_light(server.scene, look.has_shadows)
     server.scene.add_light_directional("/light/fill", position=(2.0, -3.0, 2.0), intensity=0.6, cast_shadow=False)
+
+
+def add_key_light(scene: viser.SceneApi, has_shadows: bool) -> None:
+    """The sun; added for one client, it takes the place of the one for all."""
+    scene.add_light_directional("/light/key", position=(-2.0, 3.0, 4.5), intensity=1.5, cast_shadow=has_shadows)

@@ -15,6 +15,7 @@ from viser import _messages
 
 from app.runner import Runner
 from app.viewer.audience import Audience
+from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
 from app.viewer.scene import Look, Scene
 
@@ -40,6 +41,7 @@ class Viewer:
         self._runner = runner
         self._server = _server(runner.robot.name.capitalize())
         self._scene = Scene(self._server, runner.robot, Look() if look is None else look)
+        spare_light_clients(self._server)
         self._audience = Audience(self._server)
         self._panel = Panel(self._server, runner, self._scene)
         self._server.gui.main_panel.set_width(270)
