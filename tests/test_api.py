@@ -21,6 +21,7 @@ COLUMNS = """
 """.split()
 PERIOD = 0.005  # [s]
 FOREIGN = "http://elsewhere.example"
+RUN_FILES = ("events", "recording.{ending}", "run.json")
 PATIENCE = 20.0  # [s] on a busy machine
 
 
@@ -333,7 +334,8 @@ def test_documentation_lists_every_route(server):
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
     verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "live")}
-    expected = services | {f"/api/v1/live/{verb}" for verb in verbs}
+    runs = {f"/api/v1/runs{rest}" for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in RUN_FILES))}
+    expected = services | runs | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
 
 

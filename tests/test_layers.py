@@ -29,8 +29,8 @@ SERVER = """
     random_pushes last_push
     control control_memory control_process control_link
     runner
-    hand
-    metrics palette outlines schemas errors origin settings
+    hand runs
+    metrics palette outlines schemas run_schemas errors body_limit origin token settings
     viewer proxy
     formats
     page
