@@ -12,7 +12,7 @@ from walkcore.gait import Horizon
 from walkcore.lipm import CoMState, preview_matrices
 from walkcore.pattern_generator import Status
 from walkcore.preview import Known, Preview
-from walkcore.qp import QP, solve_qp
+from walkcore.qp import QP, SOLVERS, solve_qp
 from walkcore.regions import HalfPlanes, box, polygon
 from walkcore.schemes import SCHEMES
 from walkcore.supports import Supports
@@ -21,15 +21,19 @@ from walkcore.walking_qp import WalkingQP
 WALK = [Command(Reference())] * 10 + [Command(Reference(vx=0.3, vy=0.1))] * 20 + [Command(Reference(vx=-0.2))] * 20
 
 
-@pytest.fixture(scope="module")
-def problems():
+@pytest.fixture(scope="module", params=SOLVERS)
+def problems(request):
     """The QPs of a short walk at the paper's period, with their solutions."""
     seen = []
+
+    def solve(problem, solver):
+        seen.append((problem, solve_qp(problem, solver)))
+        return seen[-1][1]
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            pattern_generator, "solve_qp", lambda problem: seen.append((problem, solve_qp(problem))) or seen[-1][1]
-        )
-        simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.1, stepping_in_place=True))
+        patch.setattr(pattern_generator, "solve_qp", solve)
+        parameters = Parameters(control_period=0.1, stepping_in_place=True, solver=request.param)
+        simulation = Simulation(load_robot("hrp2"), parameters)
         for command in WALK:
             simulation.step(command)
     return seen
@@ -44,8 +48,8 @@ def test_solutions_satisfy_the_kkt_conditions(problems):
         assert np.min(to_upper) > -1e-8
         assert np.min(to_lower) > -1e-8
         pushes_up, pushes_down = multipliers > 0, multipliers < 0
-        assert np.max((multipliers * to_upper)[pushes_up], initial=0.0) < 1e-8
-        assert np.max((-multipliers * to_lower)[pushes_down], initial=0.0) < 1e-8
+        assert np.max(multipliers[pushes_up] * to_upper[pushes_up], initial=0.0) < 1e-8
+        assert np.max(-multipliers[pushes_down] * to_lower[pushes_down], initial=0.0) < 1e-8
 
 
 def test_no_step_along_a_feasible_direction_lowers_the_cost(problems):
@@ -118,10 +122,28 @@ def test_without_active_constraints_the_solution_is_the_normal_equations():
     assert np.allclose(stand.jerks(), expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_an_infeasible_qp_raises():
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_an_infeasible_qp_raises(solver):
     problem = QP(np.eye(1), np.zeros(1), np.array([[1.0], [1.0]]), np.array([1.0, -np.inf]), np.array([np.inf, -1.0]))
     with pytest.raises(NoSolutionFoundError, match="1 variables"):
-        solve_qp(problem)
+        solve_qp(problem, solver)
+
+
+def test_both_solvers_decide_the_same():
+    def walk(solver):
+        simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.1, solver=solver))
+        return [simulation.step(command) for command in WALK]
+
+    for one, other in zip(walk("piqp"), walk("daqp"), strict=True):
+        assert one.status == other.status == Status.SOLVED
+        for foothold, same in zip(one.plan.footholds, other.plan.footholds, strict=True):
+            assert np.allclose(foothold.position, same.position, atol=1e-3)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_direction_in_which_the_cost_is_flat_ends_at_its_bound(solver):
+    problem = QP(np.diag([1.0, 0.0]), np.array([1.0, -1.0]), np.eye(2), np.full(2, -2.0), np.array([2.0, 3.0]))
+    assert np.allclose(solve_qp(problem, solver).u, [-1.0, 3.0], atol=1e-6)
 
 
 def test_a_soft_margin_that_can_be_kept_is_kept():

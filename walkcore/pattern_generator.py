@@ -14,9 +14,10 @@ from walkcore.gait import Footstep, Horizon
 from walkcore.lipm import CoMState, PreviewMatrices, preview_matrices
 from walkcore.parameters import Parameters
 from walkcore.preview import Known, LinearPoints, Preview
-from walkcore.qp import solve_qp
+from walkcore.qp import QP, solve_qp
 from walkcore.robot import Robot
 from walkcore.schemes import Footholds
+from walkcore.stages import UNTIMED, Stages
 from walkcore.supports import SupportGeometry, Supports
 from walkcore.values import Matrix, Vector, read_only
 from walkcore.walking_qp import WalkingQP
@@ -67,13 +68,14 @@ class _Phase:
 class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
-    def __init__(self, robot: Robot, parameters: Parameters) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED) -> None:
         """Compute what does not change from tick to tick.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
         p = self._parameters = parameters
+        self._stages = stages
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
@@ -112,8 +114,13 @@ class PatternGenerator:
         lipm, layout = phase.preview.lipm, phase.preview.layout
         supports = self._geometry.supports(support, swing, horizon, reference)
         velocities = _velocities(reference, heading, lipm.times)
-        known = Known(com, support.position, swing.position, supports.to_middle, supports.planned_footholds, velocities)
-        u, status, is_capturable = self._solve(phase, known.matrix, supports)
+        known = Known(
+            com, support.position, swing.position, supports.to_middle, supports.planned_footholds, velocities
+        ).matrix
+        problem = phase.qp.at(known, supports)
+        self._stages.lap("assemble")
+        u, status, is_capturable = self._solve(problem, phase, known, supports)
+        self._stages.lap("solve")
 
         jerks = layout.jerks(u)
         decided = layout.footholds(u) if layout.nb_footholds else supports.planned_footholds
@@ -130,7 +137,7 @@ class PatternGenerator:
             is_capturable=is_capturable,
         )
 
-    def _solve(self, phase: _Phase, known: Matrix, supports: Supports) -> tuple[Vector, Status, bool]:
+    def _solve(self, problem: QP, phase: _Phase, known: Matrix, supports: Supports) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
         A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
@@ -140,7 +147,7 @@ class PatternGenerator:
         """
         scheme, axes = self._parameters.terms, phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
-            u = solve_qp(phase.qp.at(known, supports)).u
+            u = solve_qp(problem, self._parameters.solver).u
             if scheme.footholds is not Footholds.FREE or _leads_on(phase, axes(u), known, supports):
                 return u, Status.SOLVED, True
         u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u

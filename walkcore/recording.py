@@ -23,7 +23,7 @@ from walkcore.values import Matrix, Vector
 from walkcore.walk import BodyUse
 from walkcore.whole_body import WholeBody
 
-PACKAGES = ("numpy", "piqp", "pin", "pin-pink", "quadprog", "example-robot-data")
+PACKAGES = ("numpy", "piqp", "daqp", "pin", "pin-pink", "quadprog", "example-robot-data")
 NOWHERE = (math.nan, math.nan, math.nan)
 
 

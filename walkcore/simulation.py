@@ -4,6 +4,7 @@ The one place of the core that remembers, and the one that decides what a failed
 solve means. The state is the model's own: what the QP plans is what happens.
 """
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from walkcore.pattern_generator import PatternGenerator, Plan, Status
 from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import Snapshot
+from walkcore.stages import UNTIMED, Stages
 from walkcore.state import PushUnderWay, SimulationState
 from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, read_only, rotation
@@ -29,12 +31,15 @@ NO_IMPULSE = read_only(np.zeros(2))
 class Simulation:
     """A robot that walks as it is told, tick by tick. The same commands give the same snapshots."""
 
-    def __init__(self, robot: Robot | None = None, parameters: Parameters | None = None) -> None:
+    def __init__(
+        self, robot: Robot | None = None, parameters: Parameters | None = None, stages: Stages = UNTIMED
+    ) -> None:
         """Put the robot at rest on both feet around the origin.
 
         Args:
             robot: Talos if none is given.
             parameters: the paper's if none are given.
+            stages: is told when the stages of each tick are over; it never changes what they decide.
 
         Raises:
             InverseKinematicsError: if the body cannot stand at the CoM height asked for.
@@ -42,7 +47,8 @@ class Simulation:
         """
         self.robot = load_robot("talos") if robot is None else robot
         self.parameters = Parameters() if parameters is None else parameters
-        self._generator = PatternGenerator(self.robot, self.parameters)
+        self._stages = stages
+        self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self._max_foot_speed = read_only([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate])
         self.reset()
@@ -54,7 +60,7 @@ class Simulation:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
-        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters))
+        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages)
         self.parameters, self._generator = parameters, generator
         self._gait = replace(self._gait, parameters=parameters)
 
@@ -120,17 +126,28 @@ class Simulation:
         Returns:
             The state that the QP saw, after this tick's push, and what it decided.
         """
+        self._stages.start()
         command = Command() if command is None else command
         impulse = self._impulse(command.push)
         self._com = self._com.pushed(impulse / self.robot.mass)
         plan = self._decide(command.reference)
         snapshot = self._snapshot(command.reference, impulse, plan)
+        self._stages.lap("snapshot")
         if plan is not None:
             self._advance(plan)
         if not self._why_fallen and self.body is not None:
             snapshot = self._move_body(self.body, snapshot, impulse)
         self._tick += 1
         return snapshot
+
+    def preview(self, command: Command) -> Snapshot:
+        """What the next tick would be with this command; nothing of the robot changes.
+
+        Without the body: its joints are those of the present, its true CoP and torques are None.
+        """
+        ghost = copy(self)
+        ghost._feet, ghost.body, ghost._stages = dict(self._feet), None, UNTIMED
+        return ghost.step(command)
 
     def _impulse(self, push: Push | None) -> Vector:
         """What all pushes under way give at this tick, in the world frame [N s]."""
@@ -199,11 +216,13 @@ class Simulation:
 
     def _plan(self, gait: Gait, reference: Reference) -> Plan:
         side = gait.support_side(self._tick)
+        horizon = gait.horizon(self._tick)
+        self._stages.lap("gait")
         return self._generator.plan(
             self._com,
             _footstep(side, self._feet[side]),
             _footstep(side.other, self._feet[side.other]),
-            gait.horizon(self._tick),
+            horizon,
             reference,
             self.heading,
         )
@@ -246,6 +265,7 @@ class Simulation:
         p, tick = self.parameters, self._tick
         if p.dynamic_filter and self.body is not None:
             self._offset = self._next_offset(plan)
+            self._stages.lap("dynamic_filter")
         if self._gait.phase(tick) is Phase.SINGLE_SUPPORT:
             side = self._gait.support_side(tick).other
             foot = swing(
@@ -262,6 +282,7 @@ class Simulation:
         self._com = self._com.integrated(plan.jerks[0], p.control_period)
         if self._gait.has_ended(tick + 1):
             self._gait = Gait(p, self._gait.support_side(tick + 1))
+        self._stages.lap("swing_foot")
 
     def _next_offset(self, plan: Plan) -> Offset:
         side = self._gait.support_side(self._tick)
@@ -284,9 +305,11 @@ class Simulation:
             self._fall_down(str(failure))
             return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
         self._q_before, self._q = now, after
+        self._stages.lap("inverse_kinematics")
         side = snapshot.support.side
         on_ground = (side,) if snapshot.phase is Phase.SINGLE_SUPPORT else (side, side.other)
         dynamics = body.dynamics(before, now, after, period, impulse / period, on_ground)
+        self._stages.lap("true_cop")
         return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
 
 
