@@ -26,7 +26,7 @@ CORE = """
 """.split()
 SERVER = """
     pace runner
-    palette outlines schemas errors origin settings
+    palette outlines scenario_schema schemas errors origin settings
     viewer proxy
     formats
     figures
