@@ -30,7 +30,7 @@ SERVER = """
     control control_memory control_process control_link
     runner
     hand runs
-    metrics palette outlines schemas run_schemas errors body_limit origin token settings
+    metrics palette outlines scenario_schema schemas run_schemas errors body_limit origin token settings
     viewer proxy
     formats
     page
