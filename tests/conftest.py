@@ -60,7 +60,9 @@ def start_server(*options: str, **environment: str) -> Server:
         is_open.set()
 
     threading.Thread(target=read, daemon=True).start()
-    assert is_open.wait(START) and server.url, f"no address: {server.output}"
+    if not is_open.wait(START) or not server.url:
+        process.kill()
+        raise AssertionError(f"no address: {server.output}")
     assert httpx.get(f"{server.url}api/v1/health", timeout=START).status_code == 200
     return server
 
