@@ -61,6 +61,14 @@ class Runner:
         """Of the control process."""
         return self._link.process_id
 
+    def wait(self) -> None:
+        """Until the robot stands.
+
+        Raises:
+            WalkError: if it cannot stand with its parameters.
+        """
+        self._link.created.result()
+
     def start(self) -> None:
         """Let time pass."""
         self._link.wish(Control.start)

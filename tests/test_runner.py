@@ -150,6 +150,8 @@ def test_random_pushes_are_on_until_they_are_switched_off(runner):
 def test_a_robot_that_cannot_stand_is_told_to_whoever_asks():
     runner = Runner(load_robot("talos"), Parameters(com_height=1.9))
     with pytest.raises(WalkError):
+        runner.wait()
+    with pytest.raises(WalkError):
         _ = runner.latest
     with pytest.raises((NoAnswerError, WalkError)):
         runner.pause().result(PATIENCE)
