@@ -32,6 +32,7 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.route("**/viewer/**", _stand_in)
         page.add_init_script(before)
+        page.set_default_timeout(1e3 * PATIENCE)
         pages.append(page)
         page.goto(url or server.url)
         expect(page.get_by_test_id("status")).to_contain_text(UP)
