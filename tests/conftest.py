@@ -1,5 +1,6 @@
 """A real server, started as a user starts it."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -37,10 +38,14 @@ class Server:
         return f"ws://{self.host}/api/v1/live/{path}"
 
 
-def start_server(*options: str) -> Server:
+def start_server(*options: str, **environment: str) -> Server:
     """Start a server on a free port, and read its output from then on."""
     process = subprocess.Popen(
-        [WALK, "serve", "--port", "0", *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [WALK, "serve", "--port", "0", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | environment,
     )
     server = Server(process)
     is_open = threading.Event()
@@ -55,9 +60,20 @@ def start_server(*options: str) -> Server:
         is_open.set()
 
     threading.Thread(target=read, daemon=True).start()
-    assert is_open.wait(START) and server.url, f"no address: {server.output}"
+    if not is_open.wait(START) or not server.url:
+        process.kill()
+        raise AssertionError(f"no address: {server.output}")
     assert httpx.get(f"{server.url}api/v1/health", timeout=START).status_code == 200
     return server
+
+
+@pytest.fixture(scope="session", autouse=True)
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Where the servers of the tests keep their runs, instead of where the user's are."""
+    folder = tmp_path_factory.mktemp("data")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("WALK_DATA", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="module")
