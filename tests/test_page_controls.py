@@ -296,6 +296,17 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         api.patch("live/parameters", json=before)
 
 
+def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
+    page = visit()
+    wait_for(lambda: live(api)["tick"] > 50)
+    page.get_by_role("button", name="Save").click()
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Saved the last")
+    link = notices.get_by_role("link", name="csv").get_attribute("href")
+    header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
+    assert header.startswith("tick,t,com_x")
+
+
 def test_refusal_is_told_in_words(visit, server):
     page = visit(f"{server.url}#scheme=magic")
     page.get_by_role("button", name="Apply").click()
