@@ -100,7 +100,7 @@ class BodyDrawing:
 
 
 def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> None:
-    """Add a part as `add_mesh_simple` does, which makes floats of what clients take as whole numbers in half the bytes."""
+    """Add a part as `add_mesh_simple` does, which makes floats of what clients take as integers of half the size."""
     vertices, faces, step = part.quantised()
     message = _messages.MeshMessage(
         name,
