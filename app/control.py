@@ -7,7 +7,7 @@ calls `tick` when one is due.
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from app.last_push import PushFollower
 from app.live_state import Counts, LiveState, RandomPushes
 from app.pace import Pace
 from app.random_pushes import RandomPusher
+from app.session import Segment, SessionLog
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.pattern_generator import Status
 from walkcore.stages import Stopwatch
@@ -24,6 +25,10 @@ logger = logging.getLogger(__name__)
 
 class NotPausedError(Exception):
     """Single ticks were asked of a robot that is running."""
+
+
+class NothingToSaveError(Exception):
+    """There was no walk before the last reset."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +77,8 @@ class Control:
         self._push: Push | None = None
         self._pusher: RandomPusher | None = None
         self._follower = PushFollower(parameters.gravity)
-        self.latest = LiveState(self._simulation.step(), self._pace.timing, True, NOBODY.driver)
+        self._log = SessionLog(self._simulation)
+        self.latest = LiveState(self._step(Command()), self._pace.timing, True, NOBODY.driver)
         publish(self.latest)
 
     @property
@@ -138,12 +144,14 @@ class Control:
         """
         self._simulation.change(self.parameters.changed(values))
         self.parameters = self._simulation.parameters
+        self._log.change(self.parameters)
         return self.parameters
 
     def reset(self) -> LiveState:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         self._drive, self._push = NOBODY, None
         self._follower = PushFollower(self.parameters.gravity)
+        self._log.reset()
         self._simulation.reset()
         self._pace.forget_real_t()
         self._take_tick()
@@ -164,6 +172,17 @@ class Control:
         self._pusher = None if pushes is None else RandomPusher(pushes, self.parameters.control_period)
         return self._show(random_pushes=pushes)
 
+    def save(self, is_before_reset: bool) -> Iterator[Segment]:
+        """The last minute since the last reset, or of the walk before it, piece by piece.
+
+        Raises:
+            NothingToSaveError: if there was none.
+        """
+        segments = self._log.segments(is_before_reset)
+        if not segments:
+            raise NothingToSaveError("there was no walk before the last reset")
+        return iter(segments)
+
     def fail(self, error: Exception) -> LiveState:
         """An error that nobody foresaw: pause, and tell."""
         logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
@@ -173,7 +192,7 @@ class Control:
         started = self._clock()
         if started > self._driven_at + self._drive.expires_after:
             self._drive = NOBODY
-        snapshot = self._simulation.step(Command(self._drive.reference, self._next_push()))
+        snapshot = self._step(Command(self._drive.reference, self._next_push()))
         self._pace.record(self._clock() - started, self._stopwatch.laps)
         self._follower.see(snapshot)
         self._show(
@@ -185,6 +204,12 @@ class Control:
             real_t=self._pace.real_t,
             last_push=self._follower.last,
         )
+
+    def _step(self, command: Command) -> Snapshot:
+        self._log.begin()
+        snapshot = self._simulation.step(command)
+        self._log.end(command, snapshot)
+        return snapshot
 
     def _next_push(self) -> Push | None:
         """The push that was asked for, else a random one where one is due."""

@@ -16,7 +16,7 @@ from itertools import count
 from typing import Any
 
 from app.control import Drive
-from app.control_memory import MAX_MESSAGE, ControlMemory, create_file
+from app.control_channel import MAX_MESSAGE, ControlMemory, Part, create_file
 from app.live_state import LiveState
 from walkcore import Parameters, Push, Robot
 
@@ -50,6 +50,8 @@ class ControlLink:
         self.created: Future[LiveState] = Future()
         """The first state of the robot; fails with a `WalkError` if it cannot stand."""
         self._waiting: dict[int, tuple[Future[Any], Callable[[Any], Any]]] = {0: (self.created, _as_it_is)}
+        self._parts: dict[int, list[Any]] = {}
+        """Of answers of which more is to come."""
         self._seen: tuple[int, float, LiveState] | None = None
         self.end = ""
         """Why the process is gone; empty while it lives."""
@@ -150,6 +152,12 @@ class ControlLink:
                 answer.set_exception(NoAnswerError(self.end))
 
     def _take(self, number: int, outcome: Any) -> None:
+        if isinstance(outcome, Part):
+            parts = self._parts.setdefault(number, [])
+            if not outcome.is_last:
+                parts.append(outcome.value)
+                return
+            outcome = self._parts.pop(number)
         with self._lock:
             answer, then = self._waiting.pop(number)
         if not answer.set_running_or_notify_cancel():

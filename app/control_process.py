@@ -16,12 +16,13 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
 
-from app.control import Control, NotPausedError
-from app.control_memory import MAX_MESSAGE, ControlMemory
+from app.control import Control, NothingToSaveError, NotPausedError
+from app.control_channel import MAX_MESSAGE, ControlMemory, Part
 from app.live_state import LiveState
 from walkcore import WalkError
 
@@ -42,6 +43,8 @@ class ControlProcess:
         self._server, self._memory = server, memory
         self._published_at = self._cleaned_at = 0.0
         self._seen_drive = self._seen_push = 0
+        self._outbox: deque[tuple[int, Any]] = deque()
+        """Answers that wait for room on the way, with the numbers of their wishes."""
 
     def run(self) -> None:
         """Do what the server asks until it is gone."""
@@ -63,11 +66,13 @@ class ControlProcess:
             return self._grant_one(control, 0.0)  # one at each tick, however little time there is
         room = control.time_left - ROOM
         if room > 0.0:
-            return self._grant_one(control, min(room, BEAT_PERIOD))
+            return self._grant_one(control, 0.0 if self._outbox else min(room, BEAT_PERIOD))
         time.sleep(max(control.time_left, 0.0))
         return True
 
     def _do_chores(self, control: Control) -> None:
+        if self._outbox and self._has_sent(*self._outbox[0]):
+            self._outbox.popleft()
         now = time.perf_counter()
         if now > self._published_at + BEAT_PERIOD:
             self._publish(control.latest)
@@ -81,9 +86,9 @@ class ControlProcess:
         try:
             control = Control(robot, parameters, self._publish_in_time)
         except Exception as error:
-            self._send(0, error)
+            self._has_sent(0, error)
             return None
-        self._send(0, control.latest)
+        self._has_sent(0, control.latest)
         return control
 
     def _grant_one(self, control: Control, patience: float) -> bool:
@@ -100,12 +105,16 @@ class ControlProcess:
     def _grant(self, control: Control, number: int, action: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         try:
             outcome = action(control, *arguments)
-        except (NotPausedError, WalkError) as refusal:
+        except (NotPausedError, NothingToSaveError, WalkError) as refusal:
             outcome = refusal
         except Exception as error:
             outcome = control.fail(error)
         self._publish(control.latest)  # so that who has the answer finds a state that is no older
-        self._send(number, outcome)
+        if isinstance(outcome, Iterator):
+            self._outbox.extend((number, Part(value)) for value in outcome)
+            self._outbox.append((number, Part(is_last=True)))
+        elif not self._has_sent(number, outcome):
+            self._outbox.append((number, outcome))
 
     def _take_wishes_without_answer(self, control: Control) -> None:
         """The latest reference and push."""
@@ -118,9 +127,14 @@ class ControlProcess:
             self._seen_push = letter.count
             control.push(pickle.loads(letter.data))
 
-    def _send(self, number: int, outcome: Any) -> None:
+    def _has_sent(self, number: int, outcome: Any) -> bool:
+        """Send an answer; whether there was room for it on the way to a server that is slow to read."""
         with suppress(ConnectionError):  # the server is gone: the next read tells
-            self._server.send(pickle.dumps((number, outcome), pickle.HIGHEST_PROTOCOL))
+            try:
+                self._server.send(pickle.dumps((number, outcome), pickle.HIGHEST_PROTOCOL), socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return False
+        return True
 
     def _publish_in_time(self, state: LiveState) -> None:
         """Publish a state, but no more of them than anybody can look at."""

@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
-from app.runner import NoAnswerError, NotPausedError
+from app.runner import NoAnswerError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
@@ -26,6 +26,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(InvalidValueError, _refuse_value)
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
+    app.add_exception_handler(NothingToSaveError, _refuse_now)
     app.add_exception_handler(NoAnswerError, _cannot_answer)
     app.add_exception_handler(NoRecordingError, _refuse_now)
     app.add_exception_handler(UnknownRunError, _refuse_unknown)

@@ -13,13 +13,14 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
-from app.control import NOBODY, Control, Drive, NotPausedError
+from app.control import NOBODY, Control, Drive, NothingToSaveError, NotPausedError
 from app.control_link import ControlLink, NoAnswerError
 from app.live_state import LiveState, RandomPushes
+from app.session import Session
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
 
-__all__ = ["NOBODY", "LiveState", "NoAnswerError", "NotPausedError", "Runner"]
+__all__ = ["NOBODY", "LiveState", "NoAnswerError", "NotPausedError", "NothingToSaveError", "Runner"]
 
 SPEEDS = (0.1, 4.0)  # simulated over real time
 INTERVALS = (0.2, 60.0)  # [s] between random pushes
@@ -159,6 +160,13 @@ class Runner:
         check_range("random_pushes.interval", interval, *INTERVALS)
         seed = random.randrange(2**32) if seed is None else seed
         return self._link.wish(Control.push_at_random, RandomPushes(strength, interval, seed) if strength else None)
+
+    def save(self, is_before_reset: bool = False) -> Future[Session]:
+        """What happened in the last minute since the last reset, or in that of the walk before it.
+
+        Fails with `NothingToSaveError` if there was none.
+        """
+        return self._link.wish(Control.save, is_before_reset, then=Session)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self.parameters = parameters

@@ -73,6 +73,13 @@ class RandomPushesBody(Body):
     seed: int | None = Field(default=None, ge=0, lt=2**32, description="The same seed gives the same pushes.")
 
 
+class SaveBody(Body):
+    """What to keep of the live robot."""
+
+    name: str = Field(default="", max_length=200, description="Of the run; the time of day if it is empty.")
+    before_reset: bool = Field(default=False, description="The walk before the last reset instead of the present one.")
+
+
 class TeleopMessage(Body):
     """What a joystick sends: a reference, a push, or both."""
 

@@ -86,7 +86,7 @@ async function learnLimits() {
   const [health, robots] = await Promise.all([ask("GET", "health"), ask("GET", "robots")]);
   const { name, limits } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
-  teleop.limits = limits;
+  teleop.learn(limits);
   shove.limit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];
   element("turn").ariaDisabled = String(!canTurn);

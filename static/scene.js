@@ -8,7 +8,7 @@ const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
 const VIEWS = {
   wide: { position: "-2.45,1.75,1.55", lookAt: "0.15,0,0.78" },
   tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
-  low: { position: "-2.6,1.85,1.5", lookAt: "0.1,0,0.7" },
+  low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
 };
 const LIGHT_PIXELS = 0.6; // of the screen's own, along each side
 

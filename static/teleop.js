@@ -37,6 +37,12 @@ export class Teleop {
     this.tell(source);
   }
 
+  /** Of the robot that the server walks; a hand may already hold. */
+  learn(limits) {
+    this.limits = limits;
+    if (this.held.length) this.tell();
+  }
+
   /** Ask the robot to stop, whatever is held. */
   zero() {
     this.held = [];

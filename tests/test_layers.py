@@ -26,11 +26,11 @@ CORE = """
 """.split()
 SERVER = """
     slot pace live_state
-    random_pushes last_push
-    control control_memory control_process control_link
+    random_pushes last_push session
+    control control_channel control_process control_link
     runner
     hand runs
-    metrics palette outlines schemas run_schemas errors body_limit origin token settings
+    metrics palette outlines scenario_schema schemas run_schemas errors body_limit origin token settings
     viewer proxy
     formats
     page

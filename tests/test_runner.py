@@ -221,3 +221,14 @@ def test_the_control_process_imports_nothing_of_the_web():
     program = "import app.control_process, sys; print(*{name.split('.')[0] for name in sys.modules})"
     loaded = set(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.split())
     assert "walkcore" in loaded and loaded & {"fastapi", "uvicorn", "viser", "pydantic", "starlette"} == set()
+
+
+def test_a_saved_session_crosses_processes_in_parts(runner):
+    runner.pause().result(PATIENCE)
+    runner.reset().result(PATIENCE)
+    runner.drive(Reference(vx=0.2), "rest")
+    runner.step(500).result(PATIENCE)
+    session = runner.save().result(PATIENCE)
+    assert len(session.segments) == 13
+    rows = session.recording("walked", runner.robot)
+    assert rows["tick"].tolist() == list(range(501)) and rows["reference_vx"][-1] == 0.2

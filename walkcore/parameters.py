@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from walkcore.errors import InvalidValueError
@@ -10,6 +11,28 @@ from walkcore.lipm import GRAVITY
 from walkcore.qp import SOLVERS
 from walkcore.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
+
+LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "alpha": (0.0, 1e3),
+        "beta": (0.0, 1e3),
+        "gamma": (0.0, 1e3),
+        "delta": (0.0, 1e3),
+        "cop_tracking": (1e-6, 1e3),
+        "foothold_weight": (1e-6, 1e6),
+        "horizon_samples": (2, 64),
+        "sampling_period": (0.01, 1.0),
+        "control_period": (0.001, 1.0),
+        "step_duration": (0.2, 5.0),
+        "double_support_duration": (0.01, 1.0),
+        "initial_double_support_duration": (0.01, 5.0),
+        "cop_margin": (0.0, 0.2),
+        "swing_height": (0.0, 0.2),
+        "gravity": (0.1, 100.0),
+    }
+)
+"""Lowest and highest value of each parameter that is a number."""
+COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
 
 
 @dataclass(frozen=True)  # no slots: every tick asks many times for the properties, which are computed once
@@ -62,29 +85,13 @@ class Parameters:
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
         if self.solver not in SOLVERS:
             raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
-        for name, low, high in (
-            ("alpha", 0.0, 1e3),
-            ("beta", 0.0, 1e3),
-            ("gamma", 0.0, 1e3),
-            ("delta", 0.0, 1e3),
-            ("cop_tracking", 1e-6, 1e3),
-            ("foothold_weight", 1e-6, 1e6),
-            ("horizon_samples", 2, 64),
-            ("sampling_period", 0.01, 1.0),
-            ("control_period", 0.001, 1.0),
-            ("step_duration", 0.2, 5.0),
-            ("double_support_duration", 0.01, 1.0),
-            ("initial_double_support_duration", 0.01, 5.0),
-            ("cop_margin", 0.0, 0.2),
-            ("swing_height", 0.0, 0.2),
-            ("gravity", 0.1, 100.0),
-        ):
+        for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)
         for name in ("stepping_in_place", "dynamic_filter"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidValueError(name, getattr(self, name), "must be true or false")
         if self.com_height is not None:
-            check_range("com_height", self.com_height, 0.1, 2.0)
+            check_range("com_height", self.com_height, *COM_HEIGHT_LIMITS)
         if self.horizon_samples != int(self.horizon_samples):
             raise InvalidValueError("horizon_samples", self.horizon_samples, "must be a whole number")
         object.__setattr__(self, "horizon_samples", int(self.horizon_samples))  # 16.0 is one, too

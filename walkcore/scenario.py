@@ -104,11 +104,11 @@ def scenario_from_mapping(data: Any) -> Scenario:
     for key in ("name", "description"):
         if not isinstance(data.get(key, ""), str):
             raise InvalidValueError(key, data[key], "must be text")
-    robot = load_robot(str(data.get("robot", "talos")))
-    values = check_mapping("parameters", data.get("parameters") or {})
+    robot = load_robot(str(data.get("robot", "talos")))  # what is no name at all is told as an unknown one
+    values = check_mapping("parameters", _given(data, "parameters", {}))
     parameters = _fitting(Parameters.from_mapping(values), robot)
     duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)
-    listed: Any = data.get("events") or []
+    listed: Any = _given(data, "events", [])
     if not isinstance(listed, list):
         raise InvalidValueError("events", listed, "must be a list")
     state = data.get("initial_state")
@@ -121,8 +121,14 @@ def scenario_from_mapping(data: Any) -> Scenario:
         source=data,
         description=data.get("description", ""),
         initial_state=None if state is None else state_from_mapping(state, robot, parameters),
-        expectations=expectations_from_mapping(data.get("expect") or {}),
+        expectations=expectations_from_mapping(_given(data, "expect", {})),
     )
+
+
+def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
+    """What stands there; a key with nothing behind it, which YAML reads as null, is as good as none."""
+    value = data.get(key)
+    return default if value is None else value
 
 
 def _fitting(parameters: Parameters, robot: Robot) -> Parameters:

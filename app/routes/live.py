@@ -1,16 +1,20 @@
 """The robot that walks on the page: what it does, and what it is asked."""
 
 import asyncio
+from datetime import UTC, datetime
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 
 from app.routes.connection import LiveRunner
+from app.routes.runs import AllRuns
+from app.run_schemas import RunBody, address, run_body
 from app.schemas import (
     ErrorBody,
     PushBody,
     RandomPushesBody,
     ReferenceBody,
+    SaveBody,
     SpeedBody,
     StepBody,
     live_json,
@@ -81,6 +85,24 @@ async def random_pushes(body: RandomPushesBody, runner: LiveRunner) -> dict[str,
 async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
     """Let simulated time pass so many times as fast as real time."""
     return live_json(await asyncio.wrap_future(runner.set_speed(body.factor)), runner.robot)
+
+
+@router.post(
+    "/save",
+    status_code=201,
+    responses={
+        201: {"headers": {"Location": {"description": "Where the run is told.", "schema": {"type": "string"}}}},
+        409: {"model": ErrorBody, "description": "There was no walk before the last reset."},
+    },
+)
+async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
+    """Keep the last minute of the robot as a run that is done, with the scenario that leads to the same again."""
+    asked = body or SaveBody()
+    session = await asyncio.wrap_future(runner.save(asked.before_reset))
+    name = asked.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
+    run = await asyncio.to_thread(lambda: runs.add_finished(session.recording(name, runner.robot)))
+    response.headers["Location"] = address(run.id)
+    return run_body(run)
 
 
 @router.post("/pause")

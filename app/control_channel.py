@@ -1,13 +1,24 @@
-"""The memory that the server and its control process share: latest state out, latest reference and push in."""
+"""What goes between the server and its control process: values in memory that both share, and messages."""
 
 import mmap
 import os
 import tempfile
+from dataclasses import dataclass
+from typing import Any
 
 from app.slot import Slot
 
 STATE, WISH = 256 * 1024, 1024  # bytes
-MAX_MESSAGE = 128 * 1024  # bytes, of a wish or its answer, which go by a socket
+MAX_MESSAGE = 160 * 1024  # bytes, of a wish, of its answer or of a part of it, which go by a socket
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Of an answer that comes in parts, as a list, so that none of them delays a tick."""
+
+    value: Any = None
+    is_last: bool = False
+    """With the last one comes no value."""
 
 
 class ControlMemory:
