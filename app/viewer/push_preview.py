@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.palette import PUSH
-from app.viewer.arrows import CHEST, add_arrow, push_points
+from app.viewer.arrows import CHEST, add_arrow, pull_points
 from app.viewer.footprints import PlannedSoles
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
@@ -27,7 +27,7 @@ class PushPreview:
         server.scene.add_frame(self._root, show_axes=False, visible=False)
         server.scene.add_frame(self._frame, show_axes=False)
         add_arrow(server, self._arrow, PUSH, 0.022)
-        server.scene.add_label(self._label, "", anchor="bottom-center", font_size_mode="screen")
+        server.scene.add_label(self._label, "", anchor="bottom-center", font_size_mode="screen", font_screen_scale=1.4)
         colours = {Side.LEFT: PUSH, Side.RIGHT: PUSH}
         self._steps = PlannedSoles(
             server, f"{self._root}/steps", robot, colours, height=HEIGHT, opacity=0.35, thickness=3.0
@@ -46,11 +46,11 @@ class PushPreview:
         if impulse is None:
             return
         height = CHEST * snapshot.com_height
-        arrow = push_points(impulse, height)
+        arrow = pull_points(impulse, height)
         stream.on_ground(self._frame, snapshot.com.position)
         stream.visible(self._arrow, True)
         stream.properties(self._arrow, points=arrow)
-        stream.position(self._label, arrow[0, 0] + np.array([0.0, 0.0, LABEL_LIFT]))
+        stream.position(self._label, arrow[0, 1] + np.array([0.0, 0.0, LABEL_LIFT]))
         stream.properties(self._label, text=f"{np.hypot(*impulse):.0f} N·s{_verdict(answer)}")
         self._steps.draw(stream, answer.plan.footholds if answer is not None and answer.plan is not None else ())
 
