@@ -14,7 +14,7 @@ from app.runner import NoAnswerError, NotPausedError, Runner
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 
-PATIENCE = 60.0  # [s] on a busy machine
+PATIENCE = 120.0  # [s] on a busy machine
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
