@@ -50,18 +50,22 @@ def push_by(pointer, chest, api):
     return push
 
 
-@pytest.mark.parametrize(("device", "hand"), [(DESKTOP, Mouse), (PHONE, Finger)], ids=["mouse", "finger"])
-def test_dragging_the_body_pushes_it_that_way(visit, api, device, hand):
-    page = visit(**device)
-    impulse = np.array(push_by(hand(page), chest_of(page), api)["impulse"])
-    # The eye is behind the left shoulder: right on the screen is to the right of the robot, and back.
-    assert 5.0 < np.linalg.norm(impulse) < -2.0 * impulse[1] and impulse[0] < 0.0
+def assert_right_and_back(push):
+    """The eye is behind the left shoulder: right on the screen is to the right of the robot, and back."""
+    x, y = push["impulse"]
+    assert 5.0 < np.hypot(x, y) < -2.0 * y and x < 0.0
 
 
-def test_escape_lets_go_of_the_body(visit, api):
+def test_finger_that_drags_the_body_pushes_it_that_way(visit, api):
+    page = visit(**PHONE)
+    assert_right_and_back(push_by(Finger(page), chest_of(page), api))
+
+
+def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_lets_go(visit, api):
     page = visit(**DESKTOP)
     pointer, chest = Mouse(page), chest_of(page)
     before = push_by(pointer, chest, api)
+    assert_right_and_back(before)
     pointer.drag(chest, (chest[0] - 90, chest[1]))
     time.sleep(0.5)
     page.keyboard.press("Escape")
