@@ -16,7 +16,14 @@ from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
 
 MAX_SHOWN = 100  # characters of a refused value that are sent back
-BODIES = ("reference", "push", "parameters", "scenario")  # what the core calls what here is the body
+BODIES = (
+    "reference",
+    "push",
+    "parameters",
+    "scenario",
+    "speed",
+    "random_pushes",
+)  # what the core calls what here is the body
 
 
 def install(app: FastAPI) -> None:

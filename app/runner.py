@@ -166,7 +166,7 @@ class Runner:
 
         Fails with `NothingToSaveError` if there was none.
         """
-        return self._link.wish(Control.save, is_before_reset, then=Session)
+        return self._link.wish(Control.save, is_before_reset, then=Session.unpacked)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self.parameters = parameters

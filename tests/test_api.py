@@ -36,8 +36,8 @@ def _refuse_constant(name: str) -> None:
     raise AssertionError(f"{name} is not JSON")
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
+def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -501,7 +501,7 @@ def test_a_saved_session_is_a_run_that_replays_to_the_same_decisions(api):
     assert driven["tick"].tolist() == list(range(301)) and driven["push_y"].sum() == pytest.approx(5.0)
     replay = api.post("runs", json=run["scenario"])
     address = replay.headers["Location"].removeprefix("/api/v1/")
-    wait_for(lambda: api.get(address).json()["status"] == "done")
+    wait_for(lambda: api.get(address).json()["status"] == "done", patience=120.0)
     replayed = recording(api, address)
     assert all(driven[name].tobytes() == replayed[name].tobytes() for name in driven.files)
 

@@ -34,6 +34,7 @@ SERVER = """
     viewer proxy
     formats
     page
+    bench
     figures
     footholds foothold_picture foothold_report
     routes

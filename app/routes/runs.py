@@ -86,7 +86,15 @@ def delete(run_id: str, runs: AllRuns) -> RunBody | Response:
     return run_body(runs.get(run_id))
 
 
-@router.get("/{run_id}/events", response_class=EventSourceResponse, responses=UNKNOWN)
+# FastAPI would say that refusals, too, are event streams.
+REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/schemas/ErrorBody"}}}}
+
+
+@router.get(
+    "/{run_id}/events",
+    response_class=EventSourceResponse,
+    responses={404: REFUSED | {"description": "There is no such run."}, 422: REFUSED | {"description": "Bad input."}},
+)
 async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]:
     """Follow a run by server-sent events: how it stands, whenever that changes, until it has ended."""
     told = run_summary(run)

@@ -3,9 +3,11 @@
 import asyncio
 import json
 import secrets
+import time
 from contextlib import suppress
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
+import msgpack
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
@@ -23,18 +25,33 @@ router = APIRouter(prefix="/api/v1/live")
 
 @router.websocket("/stream")
 async def stream(
-    socket: WebSocket, runner: LiveRunner, rate: Annotated[float, Query(ge=0.1, le=60.0, allow_inf_nan=False)] = 30.0
+    socket: WebSocket,
+    runner: LiveRunner,
+    rate: Annotated[float, Query(ge=0.1, le=60.0, allow_inf_nan=False)] = 30.0,
+    format: Literal["json", "msgpack"] = "json",
 ) -> None:
-    """Send the latest snapshot `rate` times a second, or as often as the reader can take it."""
+    """Send the latest snapshot `rate` times a second, or as often as the reader can take it.
+
+    As text in JSON, or the same keys and values in binary MessagePack.
+    """
     await socket.accept()
     socket.app.state.nb_streams += 1
     try:
         with suppress(WebSocketDisconnect):
+            due = time.monotonic()
             while True:
-                await socket.send_text(json.dumps(live_json(runner.latest, runner.robot), separators=(",", ":")))
-                await asyncio.sleep(1.0 / rate)
+                await _send(socket, live_json(runner.latest, runner.robot), format)
+                due = max(due + 1.0 / rate, time.monotonic())  # what is late is not made up for
+                await asyncio.sleep(due - time.monotonic())
     finally:
         socket.app.state.nb_streams -= 1
+
+
+async def _send(socket: WebSocket, snapshot: dict[str, Any], format: str) -> None:
+    if format == "msgpack":
+        await socket.send_bytes(msgpack.packb(snapshot))  # pyright: ignore[reportArgumentType]  # never None
+    else:
+        await socket.send_text(json.dumps(snapshot, separators=(",", ":")))
 
 
 @router.websocket("/teleop")
