@@ -195,6 +195,10 @@ def test_letting_go_of_a_drag_pushes_along_it_and_no_harder_than_allowed(hand, r
     hand.drag("start", 0.0, 0.0)
     hand.drag("end", 7.0, 0.0)
     assert np.linalg.norm(runner.pushes[1].impulse) == pytest.approx(runner.robot.max_push)
+    for angle in np.linspace(0.0, 6.0, 50):  # in no direction is it beyond the limit by a rounding
+        hand.drag("start", 0.0, 0.0)
+        hand.drag("end", 3.0 * np.cos(angle), 3.0 * np.sin(angle))
+    assert len(runner.pushes) == 52
     assert hand._grab.impulse is None
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.runner import Runner
+from app.runner import NoAnswerError, Runner
 from walkcore import Push, Snapshot, WalkError
 from walkcore.values import Vector
 
@@ -21,6 +21,7 @@ logger = logging.getLogger(__name__)
 STRENGTH = 60.0  # [N s] per metre dragged, at the depth of the body
 NOTHING = 0.06  # [m] from the beginning of a drag within which it gives nothing
 RESOLUTION = 0.5  # [N s]
+ROUNDING = 1e-12  # by which the strongest push may not exceed its limit
 LONGEST_DRAG = 10.0  # [m] that a client may tell
 
 
@@ -72,7 +73,7 @@ class Grab:
         if length < NOTHING:
             return None
         strength = min(STRENGTH * length, self._runner.robot.max_push)
-        return np.floor(strength / RESOLUTION) * RESOLUTION * drag / length
+        return (1.0 - ROUNDING) * np.floor(strength / RESOLUTION) * RESOLUTION * drag / length
 
     def _let_go(self) -> None:
         self._hand = self.impulse = self.answer = None
@@ -88,7 +89,7 @@ class Grab:
     def _take(self, asked: Future[Snapshot]) -> None:
         try:
             answer = asked.result()
-        except WalkError as error:
+        except (WalkError, NoAnswerError) as error:
             logger.warning("no preview of a push: %s", error)
             return
         if self.impulse is not None:

@@ -70,7 +70,7 @@ class Viewer:
         self._server.stop()
 
     async def _run(self) -> None:
-        last = time.monotonic()
+        last, has_failed = time.monotonic(), False
         due = last
         while True:
             due = max(due + PERIOD, time.monotonic())
@@ -81,8 +81,11 @@ class Viewer:
                 continue
             try:
                 self._show(elapsed)
+                has_failed = False
             except Exception:
-                logger.exception("a frame could not be drawn")
+                if not has_failed:  # once, not thirty times a second
+                    logger.exception("the scene cannot be drawn")
+                has_failed = True
 
     def _show(self, elapsed: float) -> None:
         state = self._runner.latest
