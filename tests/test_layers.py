@@ -30,7 +30,9 @@ SERVER = """
     viewer proxy
     formats
     figures
+    report
     footholds foothold_picture foothold_report
+    batch run_commands
     routes
     main serve cli
 """.split()
