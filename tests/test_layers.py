@@ -36,7 +36,9 @@ SERVER = """
     page
     bench
     figures
+    report
     footholds foothold_picture foothold_report
+    batch run_commands
     routes
     main serve cli
 """.split()
