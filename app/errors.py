@@ -1,6 +1,7 @@
 """Refusals in one shape: `{"detail": "...", "errors": [{"field", "value", "limit"}]}`."""
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,11 +11,12 @@ from fastapi.responses import JSONResponse
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
-from app.runner import NotPausedError
+from app.runner import NoAnswerError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
 
+MAX_ERRORS = 20  # of one body that are told
 MAX_SHOWN = 100  # characters of a refused value that are sent back
 BODIES = ("reference", "push", "parameters", "scenario")  # what the core calls what here is the body
 
@@ -26,6 +28,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(InvalidValueError, _refuse_value)
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
+    app.add_exception_handler(NothingToSaveError, _refuse_now)
+    app.add_exception_handler(NoAnswerError, _cannot_answer)
     app.add_exception_handler(NoRecordingError, _refuse_now)
     app.add_exception_handler(UnknownRunError, _refuse_unknown)
     app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
@@ -38,7 +42,7 @@ def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
         errors: as `ValidationError.errors()` gives them.
         outermost: how many of the first parts of a field's path to leave out.
     """
-    return [_field_error(error, outermost) for error in errors]
+    return [_field_error(error, outermost) for error in errors[:MAX_ERRORS]]
 
 
 def summary(errors: Sequence[FieldError]) -> str:
@@ -47,7 +51,7 @@ def summary(errors: Sequence[FieldError]) -> str:
 
 
 def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
-    path = ".".join(str(part) for part in error["loc"][outermost:])
+    path = _readable(".".join(str(part) for part in error["loc"][outermost:]))
     if error["type"] == "json_invalid":
         return FieldError(field="body", value=None, limit=f"is not JSON: {error.get('ctx', {}).get('error', '')}")
     if error["type"] == "missing":
@@ -62,7 +66,14 @@ def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
 def _shown(value: Any) -> Any:
     """A refused value as JSON can carry it: NaN, infinities and what is not a plain value as text, none long."""
     is_number = isinstance(value, (int, float)) and abs(value) < math.inf
-    return value if value is None or is_number else str(value)[:MAX_SHOWN]
+    # reprlib, as the text of a deeply nested value is more than Python can write
+    text = value if isinstance(value, str) else reprlib.repr(value)
+    return value if value is None or is_number else _readable(text)
+
+
+def _readable(text: str) -> str:
+    """Text of a stranger as JSON can carry it, not long."""
+    return text[:MAX_SHOWN].encode(errors="replace").decode()
 
 
 def _answer(
@@ -95,6 +106,10 @@ async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
 
 async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
     return _answer(422, str(error))
+
+
+async def _cannot_answer(_: Request, error: Exception) -> JSONResponse:
+    return _answer(503, str(error))
 
 
 async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:

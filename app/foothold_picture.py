@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from app.footholds import Study
-from app.viewer.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
+from app.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
 from walkcore import Robot, load_robot
 from walkcore.footholds import HIGHEST, LOWEST
 from walkcore.gait import Footstep, Side

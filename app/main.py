@@ -3,14 +3,12 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
-from fastapi.staticfiles import StaticFiles
 
-from app import errors
+from app import errors, page
 from app.body_limit import BodyLimitMiddleware
+from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, runs, service, sockets
@@ -24,7 +22,6 @@ from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a hand on a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
-STATIC = Path(__file__).parent.parent / "static"
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -34,7 +31,7 @@ def create_app(settings: Settings) -> FastAPI:
         WalkError: if there is no such robot.
         OSError: if the folder for runs cannot be written to.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)
+    runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
 
     scripted = _runs(settings)
@@ -55,21 +52,24 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.runner = runner
     app.state.runs = scripted
     app.state.nb_streams = 0
+    app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
     if settings.walk_token.get_secret_value():
         token = Token(settings.walk_token.get_secret_value())
         app.add_middleware(TokenMiddleware, token=token)
-        app.include_router(signin_router(token, STATIC / "signin.html"))
+        app.include_router(signin_router(token, page.STATIC / "signin.html"))
     app.add_middleware(BodyLimitMiddleware)
-    for routes in (live.router, sockets.router, runs.router, service.router, viewer_router(lambda: viewer.port)):
+    for routes in (
+        live.router,
+        sockets.router,
+        runs.router,
+        service.router,
+        service.metrics_router,
+        viewer_router(lambda: viewer.port),
+    ):
         app.include_router(routes)
-
-    @app.get("/", include_in_schema=False)
-    async def page() -> FileResponse:
-        return FileResponse(STATIC / "index.html")
-
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    page.install(app)
     return app
 
 

@@ -1,8 +1,9 @@
-// The strip: speed asked and reached, timing, phase, and who is wrong when something is.
+// The strip: speed asked and reached, timing, phase, and what is wrong when something is.
 
 const MEAN_OVER = 1.6; // s, two steps: the CoM sways within them
 const STILL = 0.02; // m/s
 const SHOWN_FOR = 1200; // ms at least: a solve or two at the limit would only flicker
+const KEEPS_UP = 0.93; // of the speed chosen
 const SIDES = ["left", "right"];
 
 const text = (id, value) => {
@@ -13,6 +14,7 @@ const text = (id, value) => {
 export class Status {
   constructor() {
     this.strip = document.querySelector(".strip");
+    this.pace = document.getElementById("pace");
     this.alarm = document.getElementById("alarm");
     this.history = [];
     this.limitEnds = 0;
@@ -23,9 +25,16 @@ export class Status {
     text("reached", (Math.round(100 * this.reached(live)) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
     text("phase", phase(live));
     text("tick", live.timing.tick_ms.toFixed(1));
-    text("factor", live.timing.real_time_factor.toFixed(2));
-    text("driver", live.driver === "none" ? "nobody" : live.driver);
+    text("time", clock(live.t));
+    text("real-time", live.real_t === undefined ? "" : ` of ${clock(live.real_t)}`);
+    this.showPace(live);
     this.judge(live);
+  }
+
+  /** The factor is told relative to the speed chosen; shown is simulated over real time. */
+  showPace({ timing, running, speed = 1 }) {
+    text("factor", (speed * timing.real_time_factor).toFixed(2));
+    this.pace.classList.toggle("slow", running && timing.real_time_factor < KEEPS_UP);
   }
 
   /** Mean velocity over two steps, along the one asked for where there is one [m/s]. */
@@ -78,4 +87,10 @@ export class Status {
 function phase(live) {
   if (live.phase === 0) return "both feet";
   return live.phase === 1 ? "double support" : `${SIDES[live.support_side]} support`;
+}
+
+/** Minutes, seconds and tenths. */
+function clock(seconds) {
+  const minutes = Math.floor(seconds / 60);
+  return `${minutes}:${(seconds - 60 * minutes).toFixed(1).padStart(4, "0")}`.replace(":60.0", ":59.9");
 }

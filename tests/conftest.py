@@ -1,6 +1,7 @@
 """A real server, started as a user starts it."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,9 +12,11 @@ from pathlib import Path
 
 import httpx
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
 WALK = Path(sys.executable).parent / "walk"
 START = 60.0  # [s] a slow machine may take
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @dataclass
@@ -57,7 +60,9 @@ def start_server(*options: str, **environment: str) -> Server:
         is_open.set()
 
     threading.Thread(target=read, daemon=True).start()
-    assert is_open.wait(START) and server.url, f"no address: {server.output}"
+    if not is_open.wait(START) or not server.url:
+        process.kill()
+        raise AssertionError(f"no address: {server.output}")
     assert httpx.get(f"{server.url}api/v1/health", timeout=START).status_code == 200
     return server
 
@@ -88,3 +93,16 @@ def api(server: Server) -> Iterator[httpx.Client]:
         client.post("live/reset").raise_for_status()
         client.post("live/resume").raise_for_status()
         yield client
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One browser for the tests of a file."""
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    assert path is not None, "no browser; `make browser` installs one"
+    with sync_playwright() as playwright:
+        # Without a sandbox, so that it starts as root, too; it sees our own page only.
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()

@@ -19,7 +19,7 @@ def test_samples_per_step_are_eight():
     horizon = walking(PAPER).horizon(8)  # the first step's first tick
     assert horizon.nb_samples_on_support == 8
     assert horizon.nb_footholds == 1
-    assert np.array_equal(horizon.support_selection, [1.0] * 8 + [0.0] * 8)
+    assert np.array_equal(horizon.support_selection[:, 0], [1.0] * 8 + [0.0] * 8)
     assert np.array_equal(horizon.foothold_selection, [[0.0]] * 8 + [[1.0]] * 8)
 
 
@@ -35,7 +35,7 @@ def test_every_sample_has_exactly_one_support(parameters):
     gait = walking(parameters)
     for tick in range(0, 40 * parameters.ticks_per_sample, 3):
         horizon = gait.horizon(tick)
-        total = horizon.support_selection + horizon.foothold_selection.sum(axis=1)
+        total = horizon.support_selection[:, 0] + horizon.foothold_selection.sum(axis=1)
         assert np.array_equal(total, np.ones(parameters.horizon_samples))
 
 

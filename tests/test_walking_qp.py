@@ -1,6 +1,6 @@
 """Laws of the walking QP and of its solution."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,27 +8,32 @@ import pytest
 import walkcore.pattern_generator as pattern_generator
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.errors import NoSolutionFoundError
+from walkcore.gait import Horizon
 from walkcore.lipm import CoMState, preview_matrices
 from walkcore.pattern_generator import Status
-from walkcore.preview import Preview
-from walkcore.qp import QP, solve_qp
-from walkcore.regions import box, polygon
+from walkcore.preview import Known, Preview
+from walkcore.qp import QP, SOLVERS, solve_qp
+from walkcore.regions import HalfPlanes, box, polygon
 from walkcore.schemes import SCHEMES
 from walkcore.supports import Supports
-from walkcore.walking_qp import build_qp, rescue_qp
+from walkcore.walking_qp import WalkingQP
 
 WALK = [Command(Reference())] * 10 + [Command(Reference(vx=0.3, vy=0.1))] * 20 + [Command(Reference(vx=-0.2))] * 20
 
 
-@pytest.fixture(scope="module")
-def problems():
+@pytest.fixture(scope="module", params=SOLVERS)
+def problems(request):
     """The QPs of a short walk at the paper's period, with their solutions."""
     seen = []
+
+    def solve(problem, solver):
+        seen.append((problem, solve_qp(problem, solver)))
+        return seen[-1][1]
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            pattern_generator, "solve_qp", lambda problem: seen.append((problem, solve_qp(problem))) or seen[-1][1]
-        )
-        simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.1, stepping_in_place=True))
+        patch.setattr(pattern_generator, "solve_qp", solve)
+        parameters = Parameters(control_period=0.1, stepping_in_place=True, solver=request.param)
+        simulation = Simulation(load_robot("hrp2"), parameters)
         for command in WALK:
             simulation.step(command)
     return seen
@@ -38,13 +43,13 @@ def test_solutions_satisfy_the_kkt_conditions(problems):
     for problem, solution in problems:
         u, multipliers = solution.u, solution.multipliers
         stationarity = problem.P @ u + problem.q + problem.G.T @ multipliers
-        assert np.max(np.abs(stationarity * problem.scale)) < 1e-8
+        assert np.max(np.abs(stationarity)) < 1e-8
         to_upper, to_lower = problem.upper - problem.G @ u, problem.G @ u - problem.lower
         assert np.min(to_upper) > -1e-8
         assert np.min(to_lower) > -1e-8
         pushes_up, pushes_down = multipliers > 0, multipliers < 0
-        assert np.max((multipliers * to_upper)[pushes_up], initial=0.0) < 1e-8
-        assert np.max((-multipliers * to_lower)[pushes_down], initial=0.0) < 1e-8
+        assert np.max(multipliers[pushes_up] * to_upper[pushes_up], initial=0.0) < 1e-8
+        assert np.max(-multipliers[pushes_down] * to_lower[pushes_down], initial=0.0) < 1e-8
 
 
 def test_no_step_along_a_feasible_direction_lowers_the_cost(problems):
@@ -52,42 +57,60 @@ def test_no_step_along_a_feasible_direction_lowers_the_cost(problems):
     for problem, solution in problems[::7]:
         u = solution.u
         cost = 0.5 * u @ problem.P @ u + problem.q @ u
-        inside = solve_qp(replace(problem, P=np.diag(1.0 / problem.scale**2), q=np.zeros_like(problem.q))).u
+        inside = solve_qp(replace(problem, P=np.eye(len(u)), q=np.zeros_like(problem.q))).u
         for _ in range(10):
             v = u + rng.uniform(0.0, 1.0) * (inside - u) * (1.0 + 1e-3 * rng.normal())
             if np.all(problem.G @ v <= problem.upper) and np.all(problem.G @ v >= problem.lower):
                 assert 0.5 * v @ problem.P @ v + problem.q @ v >= cost - 1e-9 * abs(cost)
 
 
-def standing_on_one_foot(com, margin=0.03, first_polygon=None):
+@dataclass
+class Stand:
     """For ever on the left sole at the origin: no foothold in the horizon."""
-    N = 16
-    sole = polygon(load_robot("hrp2").sole).inset(margin)
-    supports = Supports(
-        known_centre=np.zeros((N, 2)),
-        selection=np.zeros((N, 0)),
-        cop_polygons=(first_polygon or sole, *(sole,) * (N - 1)),
-        planned_footholds=np.zeros((0, 2)),
-        support_position=np.zeros(2),
-        foothold_regions=(),
-        swing_position=np.array([0.0, -0.2]),
-        swing_reach=sole,
-        capturable_soon=None,
-        spare_at_end=sole,
-        capturable_at_end=sole,
-        sides=(),
-        yaws=(),
-        stopping_offset=None,
-    )
-    return Preview(com, supports, preview_matrices(np.full(N, 0.1), 0.814))
+
+    com: CoMState
+    parameters: Parameters = Parameters()
+    margin: float = 0.03
+    first_polygon: HalfPlanes | None = None  # of the first sample, as if it were carried by both feet
+
+    def __post_init__(self):
+        sole = polygon(load_robot("hrp2").sole).inset(self.margin)
+        self.lipm = preview_matrices(np.full(16, 0.1), 0.814)
+        is_on_both = np.arange(16) < (self.first_polygon is not None)
+        horizon = Horizon(20, np.zeros(16, int), is_on_both, False, np.zeros(16, int), np.nan)
+        self.preview = Preview(horizon, self.lipm, are_footholds_free=True)
+        self.qp = WalkingQP(self.preview, self.parameters)
+        self.supports = Supports(
+            cop_polygons=(sole, self.first_polygon) if self.first_polygon else (sole,),
+            to_middle=np.zeros(2),
+            planned_footholds=np.zeros((0, 2)),
+            foothold_regions=(),
+            swing_reach=sole,
+            capturable_soon=None,
+            spare_at_end=box([10.0, 10.0]),
+            capturable_at_end=sole,
+            sides=(),
+            yaws=(),
+            stopping_offset=None,
+        )
+        self.known = Known(
+            self.com, np.zeros(2), np.array([0.0, -0.2]), np.zeros(2), np.zeros((0, 2)), np.zeros((16, 2))
+        )
+
+    def jerks(self):
+        u = solve_qp(self.qp.at(self.known.matrix, self.supports)).u
+        return self.preview.layout.jerks(u)
+
+    def rescue(self):
+        end = self.preview.dcm(-1, np.sqrt(9.81 / 0.814))
+        return solve_qp(self.qp.rescue_at(self.known.matrix, self.supports, 0.03, end)).u
 
 
 def test_without_active_constraints_the_solution_is_the_normal_equations():
     com = CoMState([0.001, 0.0], [0.002, -0.001], [0.0, 0.0])
     parameters = Parameters(alpha=1e-2, beta=1.0, gamma=1.0)
-    preview = standing_on_one_foot(com, margin=0.0)
-    u = solve_qp(build_qp(preview, np.zeros((16, 2)), parameters)).u
-    lipm = preview.lipm
+    stand = Stand(com, parameters, margin=0.0)
+    lipm = stand.lipm
     terms = [
         (parameters.alpha, np.eye(16), np.zeros((16, 2))),
         (parameters.beta, lipm.Pvu, lipm.Pvs @ com.matrix),
@@ -96,39 +119,45 @@ def test_without_active_constraints_the_solution_is_the_normal_equations():
     rows = np.vstack([np.sqrt(w) * A for w, A, _ in terms])
     offset = np.vstack([np.sqrt(w) * b for w, _, b in terms])
     expected, *_ = np.linalg.lstsq(rows, -offset, rcond=None)
-    assert np.allclose(preview.layout.jerks(u), expected, atol=1e-5 * np.abs(expected).max())
+    assert np.allclose(stand.jerks(), expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_an_infeasible_qp_raises():
-    problem = QP(
-        np.eye(1), np.zeros(1), np.array([[1.0], [1.0]]), np.array([1.0, -np.inf]), np.array([np.inf, -1.0]), np.ones(1)
-    )
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_an_infeasible_qp_raises(solver):
+    problem = QP(np.eye(1), np.zeros(1), np.array([[1.0], [1.0]]), np.array([1.0, -np.inf]), np.array([np.inf, -1.0]))
     with pytest.raises(NoSolutionFoundError, match="1 variables"):
-        solve_qp(problem)
+        solve_qp(problem, solver)
 
 
-ANYWHERE = box([10.0, 10.0])
-OMEGA = np.sqrt(9.81 / 0.814)
+def test_both_solvers_decide_the_same():
+    def walk(solver):
+        simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.1, solver=solver))
+        return [simulation.step(command) for command in WALK]
+
+    for one, other in zip(walk("piqp"), walk("daqp"), strict=True):
+        assert one.status == other.status == Status.SOLVED
+        for foothold, same in zip(one.plan.footholds, other.plan.footholds, strict=True):
+            assert np.allclose(foothold.position, same.position, atol=1e-3)
 
 
-def rescue(preview):
-    problem = build_qp(preview, np.zeros((16, 2)), Parameters())
-    return solve_qp(rescue_qp(problem, preview, 0.03, preview.dcm(-1, OMEGA), ANYWHERE)).u
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_direction_in_which_the_cost_is_flat_ends_at_its_bound(solver):
+    problem = QP(np.diag([1.0, 0.0]), np.array([1.0, -1.0]), np.eye(2), np.full(2, -2.0), np.array([2.0, 3.0]))
+    assert np.allclose(solve_qp(problem, solver).u, [-1.0, 3.0], atol=1e-6)
 
 
 def test_a_soft_margin_that_can_be_kept_is_kept():
-    preview = standing_on_one_foot(CoMState([0.0, 0.0], [0.05, 0.1], [0.0, 0.0]))
-    hard = solve_qp(build_qp(preview, np.zeros((16, 2)), Parameters())).u
-    assert np.allclose(preview.layout.jerks(rescue(preview)), preview.layout.jerks(hard), atol=1e-2)
+    stand = Stand(CoMState([0.0, 0.0], [0.05, 0.1], [0.0, 0.0]))
+    assert np.allclose(stand.preview.layout.jerks(stand.rescue()), stand.jerks(), atol=1e-2)
 
 
 def test_a_margin_that_cannot_be_kept_is_given_up_but_never_the_sole():
     sole = polygon(load_robot("hrp2").sole).inset(0.03)
     conflicting = replace(sole, lower=sole.lower + 0.1)  # the first sample is asked to be where no margin is left
-    preview = standing_on_one_foot(CoMState(np.zeros(2), np.zeros(2), np.zeros(2)), first_polygon=conflicting)
+    stand = Stand(CoMState(np.zeros(2), np.zeros(2), np.zeros(2)), first_polygon=conflicting)
     with pytest.raises(NoSolutionFoundError):
-        solve_qp(build_qp(preview, np.zeros((16, 2)), Parameters()))
-    slack = rescue(preview)[-17:-1]
+        stand.jerks()
+    slack = stand.rescue()[-17:-1]
     assert np.all(slack > -1e-8)
     assert np.all(slack < 0.03 + 1e-8)
     assert slack[0] > 0.0

@@ -14,6 +14,9 @@ class InvalidValueError(WalkError, ValueError):
         super().__init__(f"{field} = {value!r}: {limit}")
         self.field, self.value, self.limit = field, value, limit
 
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:  # for the way from one process to another
+        return type(self), (self.field, self.value, self.limit)
+
 
 class UnknownNameError(WalkError, LookupError):
     """A robot, scenario or parameter of that name does not exist; names the choices."""
@@ -21,6 +24,9 @@ class UnknownNameError(WalkError, LookupError):
     def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
         self.kind, self.name, self.choices = kind, name, sorted(choices)
         super().__init__(f"no {kind} {name!r}; there are: {', '.join(self.choices)}")
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return type(self), (self.kind, self.name, self.choices)
 
 
 class EmptyRegionError(WalkError):

@@ -11,6 +11,7 @@ still belongs to the step that ends, whose constraint is the stricter one (secti
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +76,29 @@ class Horizon:
     time_to_touchdown: float
     """From the present to the next touchdown [s]; NaN if none is planned."""
 
+    def __post_init__(self) -> None:
+        for array in (self.foot, self.is_on_both, self.samples_left):
+            array.flags.writeable = False
+
     @property
     def nb_footholds(self) -> int:
         """m, footholds to come that the QP may choose: all on which a sample stands, but for the last one of a stop."""
         return int(self.foot[-1])
+
+    @property
+    def is_any_on_both(self) -> bool:
+        """Whether the feet stand side by side at some sample."""
+        return bool(self.is_on_both[0] or self.is_on_both[-1])
+
+    @property
+    def nb_carriers(self) -> int:
+        """The support foot, the m footholds, and the feet side by side where they carry a sample."""
+        return 1 + self.nb_footholds + self.is_any_on_both
+
+    @property
+    def carrier(self) -> NDArray[np.int64]:
+        """Number of what carries each sample, shape (N,): a foot as in `foot`, or m + 1 for both."""
+        return np.where(self.is_on_both, self.nb_footholds + 1, self.foot)
 
     @property
     def nb_samples_on_support(self) -> int:
@@ -86,9 +106,9 @@ class Horizon:
         return int(np.count_nonzero((self.foot == 0) & ~self.is_on_both))
 
     @property
-    def support_selection(self) -> Vector:
-        """Uc of (22), shape (N,)."""
-        return (self.foot == 0).astype(float)
+    def support_selection(self) -> Matrix:
+        """Uc of (22), shape (N, 1)."""
+        return (self.foot == 0).astype(float)[:, None]
 
     @property
     def foothold_selection(self) -> Matrix:
@@ -156,22 +176,11 @@ class Gait:
         return max(self.ticks_into_step(tick) - p.ticks_per_sample, 0) / swing_ticks
 
     def horizon(self, tick: int) -> Horizon:
-        """The supports of the N samples that follow `tick`."""
-        p = self.parameters
-        present = tick // p.ticks_per_sample
-        samples = np.arange(present + 1, present + p.horizon_samples + 1)
-        start = samples[-1] if self.start is None else self.start
-        step = np.maximum((samples - start - 1) // p.samples_per_step, 0)
-        last_step = step[-1] if self.nb_steps is None else self.nb_steps - 1
-        is_on_both = (samples <= start) | (step > last_step)
-        return Horizon(
-            ticks_to_sample=(present + 1) * p.ticks_per_sample - tick,
-            foot=np.minimum(step, last_step) - max(self.step(tick), 0),
-            is_on_both=is_on_both,
-            is_stopping=bool(step[-1] > last_step),
-            samples_left=(start - samples) % p.samples_per_step,
-            time_to_touchdown=self.time_to_touchdown(tick),
-        )
+        """The supports of the N samples that follow `tick`: the same object whenever the same phase comes back."""
+        if self.start is None:
+            return _standing(self.parameters, tick % self.parameters.ticks_per_sample)
+        steps_left = None if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
+        return _stepping(self.parameters, self.ticks_into_step(tick), steps_left)
 
     def choices(self, tick: int, wants_to_walk: bool, first_support: Side) -> "tuple[Gait, ...]":
         """What the robot might do from here on, in the order in which it would rather do it.
@@ -193,3 +202,33 @@ class Gait:
             return (walk_on,)
         stop = self if self.nb_steps is not None else replace(self, nb_steps=self.step(tick) + 2)
         return (stop, walk_on)
+
+
+@lru_cache(maxsize=4096)
+def _stepping(p: Parameters, ticks_into_step: int, steps_left: int | None) -> Horizon:
+    """The horizon of a walk.
+
+    Args:
+        p: for N and the timing.
+        ticks_into_step: since the step under way began; negative before the first one.
+        steps_left: until the feet are side by side again, the one under way included; None to walk on.
+    """
+    present = ticks_into_step // p.ticks_per_sample
+    samples = np.arange(present + 1, present + p.horizon_samples + 1)
+    step = np.maximum((samples - 1) // p.samples_per_step, 0)
+    last_step = step[-1] if steps_left is None else steps_left - 1
+    return Horizon(
+        ticks_to_sample=(present + 1) * p.ticks_per_sample - ticks_into_step,
+        foot=np.minimum(step, last_step),
+        is_on_both=(samples <= 0) | (step > last_step),
+        is_stopping=bool(step[-1] > last_step),
+        samples_left=-samples % p.samples_per_step,
+        time_to_touchdown=(p.samples_per_step * p.ticks_per_sample - ticks_into_step) * p.control_period,
+    )
+
+
+@lru_cache(maxsize=256)
+def _standing(p: Parameters, ticks_into_sample: int) -> Horizon:
+    """The horizon of a stand that lasts: that of a walk which begins with the last sample, or later."""
+    horizon = _stepping(p, ticks_into_sample - p.horizon_samples * p.ticks_per_sample, None)
+    return replace(horizon, time_to_touchdown=math.nan)

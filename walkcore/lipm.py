@@ -10,7 +10,8 @@ here the first may be shorter, so that the QP can be solved again between two
 samples of the gait's grid. Notation: Herdt et al. 2010.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,15 +30,14 @@ class CoMState:
     """[m/s], shape (2,)."""
     acceleration: Vector
     """[m/s^2], shape (2,)."""
+    matrix: Matrix = field(init=False, repr=False)
+    """(c, dc, ddc) of both axes side by side, shape (3, 2): the x of (3) and its y."""
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name), shape=(2,)))
-
-    @property
-    def matrix(self) -> Matrix:
-        """(c, dc, ddc) of both axes side by side, shape (3, 2): the x of (3) and its y."""
-        return np.stack([self.position, self.velocity, self.acceleration])
+        matrix = read_only((self.position, self.velocity, self.acceleration), shape=(3, 2))
+        object.__setattr__(self, "matrix", matrix)
+        for name, row in zip(("position", "velocity", "acceleration"), matrix, strict=True):
+            object.__setattr__(self, name, row)
 
     def cop(self, height: float, gravity: float) -> Vector:
         """Centre of pressure of the model (5)-(6) in the world frame [m], shape (2,)."""
@@ -49,10 +49,16 @@ class CoMState:
 
     def integrated(self, jerk: Vector, duration: float) -> "CoMState":
         """The state after a constant `jerk` [m/s^3], shape (2,), over `duration` [s]: (1)-(4)."""
-        T = duration
-        A = np.array([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
-        B = np.array([T**3 / 6, T**2 / 2, T])
-        return CoMState(*(A @ self.matrix + np.outer(B, jerk)))
+        A, B = _transition(duration)
+        return CoMState(*(A @ self.matrix + B * jerk))
+
+
+@lru_cache(maxsize=16)  # a walk has one control period
+def _transition(T: float) -> tuple[Matrix, Matrix]:
+    """A and B of (4), shapes (3, 3) and (3, 1)."""
+    A = np.array([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    B = np.array([[T**3 / 6], [T**2 / 2], [T]])
+    return read_only(A), read_only(B)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,15 +2,40 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from walkcore.errors import InvalidValueError
 from walkcore.lipm import GRAVITY
+from walkcore.qp import SOLVERS
 from walkcore.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
 
+LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "alpha": (0.0, 1e3),
+        "beta": (0.0, 1e3),
+        "gamma": (0.0, 1e3),
+        "delta": (0.0, 1e3),
+        "cop_tracking": (1e-6, 1e3),
+        "foothold_weight": (1e-6, 1e6),
+        "horizon_samples": (2, 64),
+        "sampling_period": (0.01, 1.0),
+        "control_period": (0.001, 1.0),
+        "step_duration": (0.2, 5.0),
+        "double_support_duration": (0.01, 1.0),
+        "initial_double_support_duration": (0.01, 5.0),
+        "cop_margin": (0.0, 0.2),
+        "swing_height": (0.0, 0.2),
+        "gravity": (0.1, 100.0),
+    }
+)
+"""Lowest and highest value of each parameter that is a number."""
+COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)  # no slots: every tick asks many times for the properties, which are computed once
 class Parameters:
     """Weights, horizon, timing and margins of the walking motion generation."""
 
@@ -52,33 +77,21 @@ class Parameters:
     """Highest point of the sole in the air [m]."""
     gravity: float = GRAVITY
     """g [m/s^2]."""
+    solver: str = "piqp"
+    """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
 
     def __post_init__(self) -> None:
         if self.scheme not in tuple(SCHEMES):  # a tuple takes what a dictionary cannot hash
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
-        for name, low, high in (
-            ("alpha", 0.0, 1e3),
-            ("beta", 0.0, 1e3),
-            ("gamma", 0.0, 1e3),
-            ("delta", 0.0, 1e3),
-            ("cop_tracking", 1e-6, 1e3),
-            ("foothold_weight", 1e-6, 1e6),
-            ("horizon_samples", 2, 64),
-            ("sampling_period", 0.01, 1.0),
-            ("control_period", 0.001, 1.0),
-            ("step_duration", 0.2, 5.0),
-            ("double_support_duration", 0.01, 1.0),
-            ("initial_double_support_duration", 0.01, 5.0),
-            ("cop_margin", 0.0, 0.2),
-            ("swing_height", 0.0, 0.2),
-            ("gravity", 0.1, 100.0),
-        ):
+        if self.solver not in SOLVERS:
+            raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
+        for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)
         for name in ("stepping_in_place", "dynamic_filter"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidValueError(name, getattr(self, name), "must be true or false")
         if self.com_height is not None:
-            check_range("com_height", self.com_height, 0.1, 2.0)
+            check_range("com_height", self.com_height, *COM_HEIGHT_LIMITS)
         if self.horizon_samples != int(self.horizon_samples):
             raise InvalidValueError("horizon_samples", self.horizon_samples, "must be a whole number")
         object.__setattr__(self, "horizon_samples", int(self.horizon_samples))  # 16.0 is one, too
@@ -136,17 +149,17 @@ class Parameters:
                 raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
         return new
 
-    @property
+    @cached_property
     def terms(self) -> Scheme:
         """What the scheme's name stands for."""
         return SCHEMES[self.scheme]
 
-    @property
+    @cached_property
     def ticks_per_sample(self) -> int:
         """Control ticks from one sample of the gait's grid to the next."""
         return round(self.sampling_period / self.control_period)
 
-    @property
+    @cached_property
     def samples_per_step(self) -> int:
         """Samples that one support foot carries."""
         return round(self.step_duration / self.sampling_period)

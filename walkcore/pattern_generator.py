@@ -4,6 +4,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,14 +13,16 @@ from walkcore.errors import NoSolutionFoundError
 from walkcore.gait import Footstep, Horizon
 from walkcore.lipm import CoMState, PreviewMatrices, preview_matrices
 from walkcore.parameters import Parameters
-from walkcore.preview import Preview
+from walkcore.preview import Known, LinearPoints, Preview
 from walkcore.qp import QP, solve_qp
 from walkcore.robot import Robot
 from walkcore.schemes import Footholds
-from walkcore.supports import SupportGeometry
+from walkcore.stages import UNTIMED, Stages
+from walkcore.supports import SupportGeometry, Supports
 from walkcore.values import Matrix, Vector, read_only
-from walkcore.walking_qp import build_qp, rescue_qp
+from walkcore.walking_qp import WalkingQP
 
+MAX_PHASES = 1024  # kept; a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
 CAPTURE_TOLERANCE = 1e-6  # [m]
 
 
@@ -50,19 +53,33 @@ class Plan:
     """Whether further steps can catch the robot where the plan ends."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Phase:
+    """What all ticks at one phase of the gait share."""
+
+    preview: Preview
+    qp: WalkingQP
+    first_dcm: LinearPoints
+    """Divergent component of motion at the first sample."""
+    last_dcm: LinearPoints
+    """At the last one."""
+
+
 class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
-    def __init__(self, robot: Robot, parameters: Parameters) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED) -> None:
         """Compute what does not change from tick to tick.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
         p = self._parameters = parameters
+        self._stages = stages
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
+        self._phase = lru_cache(maxsize=MAX_PHASES)(self._compute_phase)
         self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
 
     def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
@@ -70,6 +87,12 @@ class PatternGenerator:
         intervals = np.full(p.horizon_samples, p.sampling_period)
         intervals[0] = ticks_to_sample * p.control_period
         return preview_matrices(intervals, self.com_height, p.gravity)
+
+    def _compute_phase(self, horizon: Horizon) -> _Phase:
+        p = self._parameters
+        are_footholds_free = p.terms.footholds is not Footholds.PLANNED
+        preview = Preview(horizon, self._lipm[horizon.ticks_to_sample], are_footholds_free)
+        return _Phase(preview, WalkingQP(preview, p), preview.dcm(0, self.omega), preview.dcm(-1, self.omega))
 
     def plan(
         self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
@@ -87,12 +110,18 @@ class PatternGenerator:
         Raises:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
+        phase = self._phase(horizon)
+        lipm, layout = phase.preview.lipm, phase.preview.layout
         supports = self._geometry.supports(support, swing, horizon, reference)
-        preview = Preview(com, supports, self._lipm[horizon.ticks_to_sample])
-        problem = build_qp(preview, _velocities(reference, heading, preview.lipm.times), self._parameters)
-        u, status, is_capturable = self._solve(problem, preview)
+        velocities = _velocities(reference, heading, lipm.times)
+        known = Known(
+            com, support.position, swing.position, supports.to_middle, supports.planned_footholds, velocities
+        ).matrix
+        problem = phase.qp.at(known, supports)
+        self._stages.lap("assemble")
+        u, status, is_capturable = self._solve(problem, phase, known, supports)
+        self._stages.lap("solve")
 
-        lipm, layout = preview.lipm, preview.layout
         jerks = layout.jerks(u)
         decided = layout.footholds(u) if layout.nb_footholds else supports.planned_footholds
         if supports.stopping_offset is not None:
@@ -108,7 +137,7 @@ class PatternGenerator:
             is_capturable=is_capturable,
         )
 
-    def _solve(self, problem: QP, preview: Preview) -> tuple[Vector, Status, bool]:
+    def _solve(self, problem: QP, phase: _Phase, known: Matrix, supports: Supports) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
         A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
@@ -116,27 +145,28 @@ class PatternGenerator:
         Raises:
             NoSolutionFoundError: if nothing is feasible.
         """
-        scheme, u = self._parameters.terms, None
+        scheme, axes = self._parameters.terms, phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
-            u = solve_qp(problem).u
-            if scheme.footholds is not Footholds.FREE or self._leads_on(preview, u):
+            u = solve_qp(problem, self._parameters.solver).u
+            if scheme.footholds is not Footholds.FREE or _leads_on(phase, axes(u), known, supports):
                 return u, Status.SOLVED, True
-        supports, end = preview.supports, preview.dcm(-1, self.omega)
-        rescue = rescue_qp(problem, preview, self._parameters.cop_margin, end, supports.spare_at_end)
-        u = solve_qp(rescue).u
-        is_capturable = supports.capturable_at_end.excess(end.at(preview.layout.axes(u))[0]) < CAPTURE_TOLERANCE
-        return u, Status.RELAXED, is_capturable
+        u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u
+        end = phase.last_dcm.at(axes(u), known)[0]
+        return u, Status.RELAXED, supports.capturable_at_end.excess(end) < CAPTURE_TOLERANCE
 
-    def _leads_on(self, preview: Preview, u: Vector) -> bool:
-        """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
 
-        Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
-        """
-        supports, axes = preview.supports, preview.layout.axes(u)
-        soon, end = (preview.dcm(n, self.omega).at(axes)[0] for n in (0, -1))
-        is_caught = supports.capturable_soon is None or supports.capturable_soon.excess(soon) < CAPTURE_TOLERANCE
-        stands = supports.stopping_offset is None or supports.spare_at_end.excess(end) < CAPTURE_TOLERANCE
-        return is_caught and stands
+def _leads_on(phase: _Phase, axes: Matrix, known: Matrix, supports: Supports) -> bool:
+    """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
+
+    Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
+    """
+    if supports.capturable_soon is not None:
+        soon = phase.first_dcm.at(axes, known)[0]
+        if supports.capturable_soon.excess(soon) >= CAPTURE_TOLERANCE:
+            return False
+    if supports.stopping_offset is None:
+        return True
+    return supports.spare_at_end.excess(phase.last_dcm.at(axes, known)[0]) < CAPTURE_TOLERANCE
 
 
 def _velocities(reference: Reference, heading: float, times: Vector) -> Matrix:

@@ -3,22 +3,27 @@
 import json
 import math
 import platform
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from walkcore.expectations import Verdict
 from walkcore.gait import Footstep
-from walkcore.pattern_generator import Status
+from walkcore.metrics import metrics
+from walkcore.parameters import Parameters
+from walkcore.robot import Robot
 from walkcore.scenario import Scenario
 from walkcore.simulation import Simulation
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector
+from walkcore.walk import BodyUse
+from walkcore.whole_body import WholeBody
 
-PACKAGES = ("numpy", "piqp", "pin", "pin-pink", "quadprog", "example-robot-data")
+PACKAGES = ("numpy", "piqp", "daqp", "pin", "pin-pink", "quadprog", "example-robot-data")
 NOWHERE = (math.nan, math.nan, math.nan)
 
 
@@ -65,11 +70,13 @@ class Recording:
     rows: Matrix
     """One row a tick, shape (ticks, columns)."""
     parameters: Mapping[str, Any]
-    """All that the QP used."""
+    """All that the QP used, at the first tick."""
+    parameter_changes: tuple[Mapping[str, Any], ...]
+    """`tick` of the recording from which on some `parameters` have other values, in the order of time."""
     reason: str
     """Why the robot fell, if it did."""
-    torque_use: Mapping[str, Vector]
-    """Torque over effort limit of each joint at each tick, shape (ticks,); empty for a robot without a body."""
+    body_use: BodyUse | None
+    """None for a robot without a body."""
 
     def __getitem__(self, column: str) -> Vector:
         """One column, shape (ticks,)."""
@@ -77,45 +84,57 @@ class Recording:
 
     def metrics(self) -> dict[str, Any]:
         """What a reader asks of a walk first."""
-        true_error = np.hypot(self["true_cop_x"] - self["cop_x"], self["true_cop_y"] - self["cop_y"])
-        true_error = true_error[np.isfinite(true_error)]
-        percentiles = np.percentile(true_error, (50, 95, 100)) if len(true_error) else (None, None, None)
+        return metrics(self)
+
+    def verdicts(self) -> list[Verdict]:
+        """What became of the scenario's expectations."""
+        return _verdicts(self.scenario, self.metrics())
+
+    def run(self) -> dict[str, Any]:
+        """What run.json says, as plain values: the same for every walk of the scenario, wherever and whenever."""
+        measured = self.metrics()
         return {
-            "ticks": len(self.rows),
-            "duration": len(self.rows) * self.parameters["control_period"],
-            "mean_velocity": [float(self["com_vx"].mean()), float(self["com_vy"].mean())],
-            "ticks_relaxed": int(np.sum(self["status"] == Status.RELAXED)),
-            "has_fallen": bool(np.any(self["status"] == Status.FALLEN)),
-            "reason": self.reason,
-            # A push or a foothold that moves at the last moment is a jerk of one tick: the p99 is what a motor feels.
-            "torque_use_p99": {joint: float(np.percentile(use, 99)) for joint, use in self.torque_use.items()},
-            "torque_use_max": {joint: float(np.max(use)) for joint, use in self.torque_use.items()},
-            "true_cop_error": dict(zip(("median", "p95", "max"), percentiles, strict=True)),
+            "scenario": self.scenario.source,
+            "parameters": self.parameters,
+            "parameter_changes": self.parameter_changes,
+            "versions": {name: version(name) for name in ("walk", *PACKAGES)} | {"python": platform.python_version()},
+            "metrics": measured,
+            "expectations": [asdict(verdict) for verdict in _verdicts(self.scenario, measured)],
         }
+
+    def run_json(self) -> str:
+        """The text of run.json."""
+        return json.dumps(self.run(), indent=2, default=float, allow_nan=False) + "\n"
+
+    def write_npz(self, path: Path) -> None:
+        """Write an array for each column."""
+        with path.open("wb") as file:  # a path would be given the ending that NumPy likes
+            np.savez(file, allow_pickle=False, **{name: self[name] for name in self.columns})
+
+    def write_csv(self, path: Path) -> None:
+        """Write a line for each tick, below the names of the columns."""
+        header = ",".join(self.columns)
+        np.savetxt(path, self.rows, fmt="%.17g", delimiter=",", header=header, comments="")
 
     def write(self, folder: Path) -> None:
         """Write recording.npz, recording.csv and run.json into a folder, which is made if need be."""
         folder.mkdir(parents=True, exist_ok=True)
-        np.savez(folder / "recording.npz", allow_pickle=False, **{name: self[name] for name in self.columns})
-        header = ",".join(self.columns)
-        np.savetxt(folder / "recording.csv", self.rows, fmt="%.17g", delimiter=",", header=header, comments="")
-        run = {
-            "scenario": self.scenario.source,
-            "parameters": self.parameters,
-            "versions": {name: version(name) for name in ("walk", *PACKAGES)} | {"python": platform.python_version()},
-            "metrics": self.metrics(),
-        }
-        (folder / "run.json").write_text(json.dumps(run, indent=2, default=float) + "\n", encoding="utf-8")
+        self.write_npz(folder / "recording.npz")
+        self.write_csv(folder / "recording.csv")
+        (folder / "run.json").write_text(self.run_json(), encoding="utf-8")
 
 
-def parameters_in_force(simulation: Simulation) -> dict[str, Any]:
+def _verdicts(scenario: Scenario, measured: Mapping[str, Any]) -> list[Verdict]:
+    return [expectation.verdict(measured) for expectation in scenario.expectations]
+
+
+def parameters_in_force(robot: Robot, parameters: Parameters) -> dict[str, Any]:
     """All that the QP uses, by the names of the contract: enough to rebuild every one of them."""
-    robot = simulation.robot
     body = robot.body
-    return simulation.parameters.to_mapping() | {
+    return parameters.to_mapping() | {
         "robot": robot.name,
         "mass": robot.mass,
-        "com_height": simulation.com_height,
+        "com_height": robot.com_height if parameters.com_height is None else parameters.com_height,
         "stance_width": robot.stance_width,
         "sole": {
             "polygon": robot.sole.tolist(),
@@ -142,7 +161,7 @@ def parameters_in_force(simulation: Simulation) -> dict[str, Any]:
 
 
 def record(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Recording:
-    """Simulate a scenario from rest, as fast as the machine can.
+    """Simulate a scenario as fast as the machine can.
 
     Args:
         scenario: to be walked.
@@ -152,13 +171,40 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
         InverseKinematicsError: if the body cannot stand at the CoM height asked for.
     """
     simulation = Simulation(scenario.robot, scenario.parameters)
+    if scenario.initial_state is not None:
+        simulation.restore(scenario.initial_state)
     every = max(scenario.nb_ticks // 100, 1)
+
+    def told() -> Iterator[Snapshot]:
+        for tick, snapshot in enumerate(_walked(simulation, scenario), 1):
+            if progress is not None and tick % every == 0:
+                progress(tick / scenario.nb_ticks)
+            yield snapshot
+
+    return collect(scenario, told(), simulation.body)
+
+
+def _walked(simulation: Simulation, scenario: Scenario) -> Iterator[Snapshot]:
+    changes = list(scenario.parameter_changes())
+    for tick, command in enumerate(scenario.commands()):
+        while changes and changes[0][0] <= tick:
+            simulation.change(changes.pop(0)[1])
+        yield simulation.step(command)
+
+
+def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody | None) -> Recording:
+    """The recording of snapshots that have come of a scenario, one a tick.
+
+    Args:
+        scenario: that leads to them.
+        snapshots: read once.
+        body: of the scenario's robot, for what its kinematics tell; None if it has none.
+    """
     columns: tuple[str, ...] = ()
     rows: list[list[float]] = []
-    reason, body = "", simulation.body
-    torques: list[Vector] = []
-    for tick, command in enumerate(scenario.commands()):
-        snapshot = simulation.step(command)
+    efforts: list[Vector] = []
+    reason = ""
+    for snapshot in snapshots:
         values = row(snapshot)
         # Beyond the contract: to rebuild stops, and to find the body's CoM where the dynamic filter moves it.
         more = {"steps_to_stand": float(snapshot.steps_to_stand)}
@@ -167,9 +213,51 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
         columns = columns or (*values, *joints, *more)
         rows.append([*values.values(), *joints.values(), *more.values()])
         reason = reason or snapshot.reason
-        if snapshot.torques is not None:
-            torques.append(np.abs(snapshot.torques))
-        if progress is not None and (tick + 1) % every == 0:
-            progress((tick + 1) / scenario.nb_ticks)
-    use = {} if body is None else dict(zip(body.joint_names, (np.array(torques) / body.max_torques).T, strict=True))
-    return Recording(scenario, columns, np.array(rows), parameters_in_force(simulation), reason, use)
+        if body is not None:
+            efforts.append(_effort(body, snapshot))
+    table = np.array(rows)
+    use = None if body is None else _body_use(body, table, columns, np.array(efforts), scenario.parameters)
+    return Recording(
+        scenario=scenario,
+        columns=columns,
+        rows=table,
+        parameters=parameters_in_force(scenario.robot, scenario.parameters),
+        parameter_changes=_changes(scenario, int(table[0, 0])),
+        reason=reason,
+        body_use=use,
+    )
+
+
+def _effort(body: WholeBody, snapshot: Snapshot) -> Vector:
+    """Error of the CoM and of the soles [m], then the torques [N m], at one tick; NaN once the robot has fallen."""
+    if snapshot.q is None or snapshot.torques is None:
+        return np.full(2 + len(body.joint_names), math.nan)
+    com = np.array([*(snapshot.com.position + snapshot.com_offset), snapshot.com_height])
+    return np.array([*body.errors(snapshot.q, com, snapshot.feet), *snapshot.torques])
+
+
+def _body_use(
+    body: WholeBody, table: Matrix, columns: tuple[str, ...], efforts: Matrix, parameters: Parameters
+) -> BodyUse:
+    first = columns.index("q_0") + 7  # behind the floating base
+    angles = table[:, first : first + len(body.joint_names)]
+    speeds = np.abs(np.diff(angles, axis=0)) / parameters.control_period
+    return BodyUse(
+        joints=body.joint_names,
+        torque=np.abs(efforts[:, 2:]) / body.max_torques,
+        speed=speeds / body.max_speeds,
+        com_error=efforts[:, 0],
+        sole_error=efforts[:, 1],
+    )
+
+
+def _changes(scenario: Scenario, first_tick: int) -> tuple[Mapping[str, Any], ...]:
+    """Each change of parameters by the names of the contract, with what has another value."""
+    changes: list[Mapping[str, Any]] = []
+    before = parameters_in_force(scenario.robot, scenario.parameters)
+    for tick, parameters in scenario.parameter_changes():
+        after = parameters_in_force(scenario.robot, parameters)
+        changed = {name: value for name, value in after.items() if value != before[name]}
+        changes.append({"tick": first_tick + tick, "parameters": changed})
+        before = after
+    return tuple(changes)

@@ -7,6 +7,7 @@ one row with two bounds, which halves the rows of the QP for a rectangular sole.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,7 +42,7 @@ class HalfPlanes:
 
     def rotated(self, yaw: float) -> "HalfPlanes":
         """The same polygon turned about the origin by `yaw` [rad]."""
-        return HalfPlanes(self.normals @ rotation(yaw).T, self.lower, self.upper)
+        return _rotated(self, yaw)
 
     @property
     def widths(self) -> Vector:
@@ -59,6 +60,11 @@ class HalfPlanes:
         """How far a point lies outside [m]; negative inside, where it is the distance to the nearest edge."""
         along = self.normals @ np.asarray(point)
         return float(np.max(np.maximum(self.lower - along, along - self.upper)))
+
+
+@lru_cache(maxsize=1024)  # a foot keeps its yaw for many ticks
+def _rotated(planes: HalfPlanes, yaw: float) -> HalfPlanes:
+    return HalfPlanes(read_only(planes.normals @ rotation(yaw).T), planes.lower, planes.upper)
 
 
 def polygon(vertices: ArrayLike) -> HalfPlanes:

@@ -1,9 +1,8 @@
-"""A scripted walk: references and pushes at given times, read from YAML or from its JSON equivalent."""
+"""A scripted walk, read from YAML or from its JSON equivalent: a robot, what is asked of it, and what is expected."""
 
-import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
@@ -11,23 +10,18 @@ from typing import Any, cast
 import yaml
 
 from walkcore.command import Command, Push, Reference
-from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameError
+from walkcore.events import Event, commands
+from walkcore.expectations import Expectation, expectations_from_mapping
 from walkcore.parameters import Parameters
+from walkcore.regions import inset_vertices
 from walkcore.robot import Robot, load_robot
-from walkcore.values import check_keys, check_range
+from walkcore.state import SimulationState, state_from_mapping
+from walkcore.values import check_keys, check_mapping, check_range
 
 SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Event:
-    """What changes at one time. The reference holds until the next event that has one."""
-
-    t: float
-    """[s]."""
-    reference: Reference | None = None
-    push: Push | None = None
+KEYS = {"name", "description", "robot", "duration", "parameters", "initial_state", "events", "expect"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,9 +33,15 @@ class Scenario:
     duration: float
     """[s]."""
     parameters: Parameters
+    """At the beginning."""
     events: tuple[Event, ...]
+    """In the order of their times, which count from the beginning of the scenario."""
     source: Mapping[str, Any]
     """The mapping that it was read from."""
+    description: str = ""
+    initial_state: SimulationState | None = None
+    """Where the walk begins; None at rest at the origin, at tick 0."""
+    expectations: tuple[Expectation, ...] = ()
 
     @property
     def nb_ticks(self) -> int:
@@ -50,18 +50,21 @@ class Scenario:
 
     def commands(self) -> Iterator[Command]:
         """One command a tick. Of several pushes within one tick, all are given, one a tick."""
-        reference, waiting = Reference(), list(self.events)
-        pushes: list[Push] = []
-        for tick in range(self.nb_ticks):
-            while waiting and self._tick(waiting[0].t) <= tick:
-                event = waiting.pop(0)
-                reference = event.reference or reference
-                pushes += [event.push] if event.push is not None else []
-            yield Command(reference, pushes.pop(0) if pushes else None)
+        return commands(self.events, self.nb_ticks, self.parameters.control_period)
 
-    def _tick(self, t: float) -> int:
-        """The first tick that is not before `t`."""
-        return math.ceil(t / self.parameters.control_period - 1e-6)
+    def parameter_changes(self) -> tuple[tuple[int, Parameters], ...]:
+        """Ticks, counted from the beginning of the scenario, before which other parameters come into force."""
+        period = self.parameters.control_period
+        return tuple((event.tick(period), event.parameters) for event in self.events if event.parameters is not None)
+
+    def without_body(self) -> "Scenario":
+        """The same scenario of the point mass with feet: the decisions are the same, but for falls of the body."""
+        state = self.initial_state
+        return replace(
+            self,
+            robot=replace(self.robot, body=None),
+            initial_state=None if state is None else replace(state, q=None, q_before=None),
+        )
 
 
 def scenario_names() -> list[str]:
@@ -96,52 +99,92 @@ def scenario_from_mapping(data: Any) -> Scenario:
         InvalidValueError: naming the field, its value and its limit.
         UnknownNameError: if there is no such robot.
     """
-    data = _mapping("scenario", data)
-    check_keys("scenario", data, {"name", "robot", "duration", "parameters", "events"})
-    if not isinstance(data.get("name", "unnamed"), str):
-        raise InvalidValueError("name", data["name"], "must be text")
-    robot = load_robot(str(data.get("robot", "talos")))
-    parameters = Parameters.from_mapping(_mapping("parameters", data.get("parameters") or {}))
+    data = check_mapping("scenario", data)
+    check_keys("scenario", data, KEYS)
+    for key in ("name", "description"):
+        if not isinstance(data.get(key, ""), str):
+            raise InvalidValueError(key, data[key], "must be text")
+    robot = load_robot(str(data.get("robot", "talos")))  # what is no name at all is told as an unknown one
+    values = check_mapping("parameters", _given(data, "parameters", {}))
+    parameters = _fitting(Parameters.from_mapping(values), robot)
     duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)
-    listed: Any = data.get("events") or []
+    listed: Any = _given(data, "events", [])
     if not isinstance(listed, list):
         raise InvalidValueError("events", listed, "must be a list")
-    events = [_event(f"events[{i}]", item, robot, duration) for i, item in enumerate(cast(list[Any], listed))]
+    state = data.get("initial_state")
     return Scenario(
         name=data.get("name", "unnamed"),
         robot=robot,
         duration=duration,
         parameters=parameters,
-        events=tuple(sorted(events, key=lambda event: event.t)),
+        events=_events(cast(list[Any], listed), robot, parameters, duration),
         source=data,
+        description=data.get("description", ""),
+        initial_state=None if state is None else state_from_mapping(state, robot, parameters),
+        expectations=expectations_from_mapping(_given(data, "expect", {})),
     )
 
 
-def _event(where: str, data: Any, robot: Robot, duration: float) -> Event:
-    data = _mapping(where, data)
-    check_keys(where, data, {"t", "reference", "push"})
-    t = check_range(f"{where}.t", data.get("t"), 0.0, duration)
-    reference = push = None
+def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
+    """What stands there; a key with nothing behind it, which YAML reads as null, is as good as none."""
+    value = data.get(key)
+    return default if value is None else value
+
+
+def _fitting(parameters: Parameters, robot: Robot) -> Parameters:
+    """The parameters, if their margin leaves something of the robot's soles."""
     try:
-        if "reference" in data:
-            values = _mapping("reference", data["reference"])
-            check_keys("reference", values, {"vx", "vy", "yaw_rate"})
-            reference = robot.check_reference(Reference(**values))
-        if "push" in data:
-            values = _mapping("push", data["push"])
-            check_keys("push", values, {"impulse", "duration", "frame"})
-            if not isinstance(values.get("impulse"), list):
-                raise InvalidValueError("push.impulse", values.get("impulse"), "must be a list of two numbers")
-            push = robot.check_push(Push(**values))
+        inset_vertices(robot.sole, parameters.cop_margin)
+    except EmptyRegionError as error:
+        raise InvalidValueError("cop_margin", parameters.cop_margin, f"leaves nothing of the sole: {error}") from error
+    return parameters
+
+
+def _events(listed: list[Any], robot: Robot, parameters: Parameters, duration: float) -> tuple[Event, ...]:
+    """The events in the order of their times; each change of parameters adds to those before it."""
+    found: list[tuple[str, dict[str, Any], float]] = []
+    for i, item in enumerate(listed):
+        where = f"events[{i}]"
+        data = check_mapping(where, item)
+        check_keys(where, data, {"t", "reference", "over", "push", "parameters"})
+        found.append((where, data, check_range(f"{where}.t", data.get("t"), 0.0, duration)))
+    events: list[Event] = []
+    for where, data, t in sorted(found, key=lambda event: event[2]):
+        try:
+            event = _event(data, t, robot, parameters)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{where}.{error.field}", error.value, error.limit) from error
+        parameters = event.parameters or parameters
+        events.append(event)
+    return tuple(events)
+
+
+def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters) -> Event:
+    reference = push = changed = None
+    if "reference" in data:
+        values = check_mapping("reference", data["reference"])
+        check_keys("reference", values, {"vx", "vy", "yaw_rate"})
+        reference = robot.check_reference(Reference(**values))
+    over = check_range("over", data.get("over", 0.0), 0.0, MAX_DURATION)
+    if "over" in data and reference is None:
+        raise InvalidValueError("over", over, "needs a reference beside it")
+    if "push" in data:
+        values = check_mapping("push", data["push"])
+        check_keys("push", values, {"impulse", "duration", "frame"})
+        if not isinstance(values.get("impulse"), list):
+            raise InvalidValueError("push.impulse", values.get("impulse"), "must be a list of two numbers")
+        push = robot.check_push(Push(**values))
+    if "parameters" in data:
+        changed = _changed(parameters, check_mapping("parameters", data["parameters"]), robot)
+    return Event(t, reference, over, push, changed)
+
+
+def _changed(parameters: Parameters, values: dict[str, Any], robot: Robot) -> Parameters:
+    try:
+        return _fitting(parameters.check_change(parameters.changed(values)), robot)
     except InvalidValueError as error:
-        raise InvalidValueError(f"{where}.{error.field}", error.value, error.limit) from error
-    return Event(t, reference, push)
-
-
-def _mapping(where: str, data: Any) -> dict[str, Any]:
-    if not isinstance(data, Mapping):
-        raise InvalidValueError(where, data, "must be a mapping")
-    return {str(key): value for key, value in cast(Mapping[Any, Any], data).items()}
+        field = error.field.removeprefix("parameters.")
+        raise InvalidValueError(f"parameters.{field}", error.value, error.limit) from error
 
 
 class _Loader(yaml.SafeLoader):

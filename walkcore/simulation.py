@@ -4,13 +4,14 @@ The one place of the core that remembers, and the one that decides what a failed
 solve means. The state is the model's own: what the QP plans is what happens.
 """
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
 from walkcore.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
-from walkcore.errors import InverseKinematicsError, NoSolutionFoundError
+from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
 from walkcore.gait import Footstep, Gait, Phase, Side
 from walkcore.lipm import CoMState
 from walkcore.parameters import Parameters
@@ -18,19 +19,11 @@ from walkcore.pattern_generator import PatternGenerator, Plan, Status
 from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import Snapshot
+from walkcore.stages import UNTIMED, Stages
+from walkcore.state import PushUnderWay, SimulationState
 from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, read_only, rotation
 from walkcore.whole_body import BodyTarget, WholeBody
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _PushUnderWay:
-    """What is left of a push."""
-
-    impulse_per_tick: Vector
-    """World frame [N s], shape (2,)."""
-    ticks_left: int
-
 
 NO_IMPULSE = read_only(np.zeros(2))
 
@@ -38,12 +31,15 @@ NO_IMPULSE = read_only(np.zeros(2))
 class Simulation:
     """A robot that walks as it is told, tick by tick. The same commands give the same snapshots."""
 
-    def __init__(self, robot: Robot | None = None, parameters: Parameters | None = None) -> None:
+    def __init__(
+        self, robot: Robot | None = None, parameters: Parameters | None = None, stages: Stages = UNTIMED
+    ) -> None:
         """Put the robot at rest on both feet around the origin.
 
         Args:
             robot: Talos if none is given.
             parameters: the paper's if none are given.
+            stages: is told when the stages of each tick are over; it never changes what they decide.
 
         Raises:
             InverseKinematicsError: if the body cannot stand at the CoM height asked for.
@@ -51,8 +47,10 @@ class Simulation:
         """
         self.robot = load_robot("talos") if robot is None else robot
         self.parameters = Parameters() if parameters is None else parameters
-        self._generator = PatternGenerator(self.robot, self.parameters)
+        self._stages = stages
+        self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
+        self._max_foot_speed = read_only([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate])
         self.reset()
 
     def change(self, parameters: Parameters) -> None:
@@ -62,7 +60,7 @@ class Simulation:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
-        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters))
+        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages)
         self.parameters, self._generator = parameters, generator
         self._gait = replace(self._gait, parameters=parameters)
 
@@ -73,11 +71,41 @@ class Simulation:
         self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
         self._com = CoMState(middle, np.zeros(2), np.zeros(2))
-        self._pushes: tuple[_PushUnderWay, ...] = ()
+        self._pushes: tuple[PushUnderWay, ...] = ()
         self._why_fallen = ""
         self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
+
+    @property
+    def state(self) -> SimulationState:
+        """All that the robot remembers, for `restore` of this or another simulation of it."""
+        return SimulationState(
+            tick=self._tick,
+            gait=self._gait,
+            left_foot=self._feet[Side.LEFT],
+            right_foot=self._feet[Side.RIGHT],
+            com=self._com,
+            pushes=self._pushes,
+            why_fallen=self._why_fallen,
+            com_offset=self._offset,
+            q=self._q,
+            q_before=self._q_before,
+        )
+
+    def restore(self, state: SimulationState) -> None:
+        """Go on from a state of the same robot, with the parameters that are in force here.
+
+        Raises:
+            InvalidValueError: if the state is without the configuration of this robot's body.
+        """
+        if self.body is not None and (state.q is None or state.q_before is None):
+            raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
+        self._tick, self._gait = state.tick, replace(state.gait, parameters=self.parameters)
+        self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
+        self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
+        self._offset = state.com_offset
+        self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
 
     @property
     def com_height(self) -> float:
@@ -98,11 +126,13 @@ class Simulation:
         Returns:
             The state that the QP saw, after this tick's push, and what it decided.
         """
+        self._stages.start()
         command = Command() if command is None else command
         impulse = self._impulse(command.push)
         self._com = self._com.pushed(impulse / self.robot.mass)
         plan = self._decide(command.reference)
         snapshot = self._snapshot(command.reference, impulse, plan)
+        self._stages.lap("snapshot")
         if plan is not None:
             self._advance(plan)
         if not self._why_fallen and self.body is not None:
@@ -110,12 +140,21 @@ class Simulation:
         self._tick += 1
         return snapshot
 
+    def preview(self, command: Command) -> Snapshot:
+        """What the next tick would be with this command; nothing of the robot changes.
+
+        Without the body: its joints are those of the present, its true CoP and torques are None.
+        """
+        ghost = copy(self)
+        ghost._feet, ghost.body, ghost._stages = dict(self._feet), None, UNTIMED
+        return ghost.step(command)
+
     def _impulse(self, push: Push | None) -> Vector:
         """What all pushes under way give at this tick, in the world frame [N s]."""
         if push is not None:
             ticks = max(1, round(push.duration / self.parameters.control_period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
-            self._pushes += (_PushUnderWay(impulse / ticks, ticks),)
+            self._pushes += (PushUnderWay(impulse / ticks, ticks),)
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
         return NO_IMPULSE if self._why_fallen else total
@@ -177,11 +216,13 @@ class Simulation:
 
     def _plan(self, gait: Gait, reference: Reference) -> Plan:
         side = gait.support_side(self._tick)
+        horizon = gait.horizon(self._tick)
+        self._stages.lap("gait")
         return self._generator.plan(
             self._com,
             _footstep(side, self._feet[side]),
             _footstep(side.other, self._feet[side.other]),
-            gait.horizon(self._tick),
+            horizon,
             reference,
             self.heading,
         )
@@ -224,6 +265,7 @@ class Simulation:
         p, tick = self.parameters, self._tick
         if p.dynamic_filter and self.body is not None:
             self._offset = self._next_offset(plan)
+            self._stages.lap("dynamic_filter")
         if self._gait.phase(tick) is Phase.SINGLE_SUPPORT:
             side = self._gait.support_side(tick).other
             foot = swing(
@@ -231,7 +273,7 @@ class Simulation:
                 plan.footholds[0],
                 self._gait.time_to_touchdown(tick),
                 p.control_period,
-                np.array([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate]),
+                self._max_foot_speed,
                 self._support.yaw,
             )
             has_landed = self._gait.support_side(tick + 1) is side
@@ -240,6 +282,7 @@ class Simulation:
         self._com = self._com.integrated(plan.jerks[0], p.control_period)
         if self._gait.has_ended(tick + 1):
             self._gait = Gait(p, self._gait.support_side(tick + 1))
+        self._stages.lap("swing_foot")
 
     def _next_offset(self, plan: Plan) -> Offset:
         side = self._gait.support_side(self._tick)
@@ -262,9 +305,11 @@ class Simulation:
             self._fall_down(str(failure))
             return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
         self._q_before, self._q = now, after
+        self._stages.lap("inverse_kinematics")
         side = snapshot.support.side
         on_ground = (side,) if snapshot.phase is Phase.SINGLE_SUPPORT else (side, side.other)
         dynamics = body.dynamics(before, now, after, period, impulse / period, on_ground)
+        self._stages.lap("true_cop")
         return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
 
 

@@ -15,8 +15,10 @@ from walkcore.parameters import Parameters
 from walkcore.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon, sole_vertices
 from walkcore.robot import Robot
 from walkcore.schemes import Footholds
-from walkcore.values import Matrix, Vector, rotation
+from walkcore.values import Matrix, Vector, read_only, rotation
 
+UNIT_BOX = box([1.0, 1.0])
+NOWHERE = read_only(np.zeros(2))
 SPARE = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
 
 
@@ -28,20 +30,14 @@ class Supports:
     of the foot, or the middle between the two.
     """
 
-    known_centre: Matrix
-    """The part of each sample's centre that is known: Uc f_support, and from a foot to the middle [m], shape (N, 2)."""
-    selection: Matrix
-    """U of (22), shape (N, m)."""
     cop_polygons: tuple[HalfPlanes, ...]
-    """Where the CoP of each sample may be relative to the centre; N of them."""
+    """Where the CoP may be relative to the centre of what carries it, by the numbers of `Horizon.carrier`."""
+    to_middle: Vector
+    """From the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
     planned_footholds: Matrix
-    """Where a planner puts the footholds that carry samples [m], shape (., 2); meaningless where the QP is free."""
-    support_position: Vector
-    """Foot on the ground, shape (2,) [m]."""
+    """Where a planner puts the footholds that carry samples [m], shape (m, 2); zero where the QP is free."""
     foothold_regions: tuple[HalfPlanes, ...]
-    """Where each foothold may be relative to its predecessor; m of them."""
-    swing_position: Vector
-    """Foot in the air, shape (2,) [m]."""
+    """Where each foothold that the QP chooses may be relative to its predecessor."""
     swing_reach: HalfPlanes
     """How far the foot in the air can still move: right-hand side of (30)."""
     capturable_soon: HalfPlanes | None
@@ -57,6 +53,11 @@ class Supports:
     """Of the same [rad]."""
     stopping_offset: Vector | None
     """From the last of the m footholds, or the support foot if m = 0, to the one that ends a stop [m], shape (2,)."""
+
+    @property
+    def polygons(self) -> tuple[HalfPlanes, ...]:
+        """Of all constraints: of the CoPs, the strides and the flight."""
+        return (*self.cop_polygons, *self.foothold_regions, self.swing_reach)
 
 
 class SupportGeometry:
@@ -108,32 +109,25 @@ class SupportGeometry:
         feet = list(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
 
         chooser = self._parameters.terms.footholds
-        is_planned = chooser is Footholds.PLANNED
         planned = np.zeros((m, 2)) if chooser is Footholds.FREE else self._planned(support.position, feet, reference)
-        selection = horizon.foothold_selection
-        centre = horizon.support_selection[:, None] * support.position
-        if is_planned:
-            centre += selection @ planned
-            selection = selection[:, :0]
-        soles = [self._soles[side].rotated(yaw) for side, yaw in feet]
-        cop_polygons = [soles[int(foot)] for foot in horizon.foot]
+        cop_polygons = [self._soles[side].rotated(yaw) for side, yaw in feet]
+        to_middle = NOWHERE
         soon: HalfPlanes | None = self._capture(self._captures[1], horizon, 0, feet)
         spare, capturable = (self._capture(self._captures[k], horizon, -1, feet) for k in (0, 2))
 
         last_side, last_yaw = feet[m]
         aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
-        if horizon.is_on_both.any():
+        if horizon.is_any_on_both:
             # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
             if horizon.is_stopping:
                 one, other = Footstep(last_side, np.zeros(2), last_yaw), Footstep(last_side.other, aside, last_yaw)
             else:
                 one = Footstep(support.side, np.zeros(2), support.yaw)
                 other = Footstep(swing.side, swing.position - support.position, swing.yaw)
+            to_middle = other.position / 2
             pair = self._stance(one, other)
             inner = pair.inset(self._parameters.cop_margin)
-            for n in np.flatnonzero(horizon.is_on_both):
-                centre[n] += other.position / 2
-                cop_polygons[n] = inner
+            cop_polygons.append(inner)
             if horizon.is_on_both[-1]:
                 spare, capturable = inner, pair
             if horizon.is_on_both.all():
@@ -143,14 +137,11 @@ class SupportGeometry:
 
         is_stopping = horizon.is_stopping
         return Supports(
-            known_centre=centre,
-            selection=selection,
             cop_polygons=tuple(cop_polygons),
-            support_position=support.position,
+            to_middle=to_middle,
             planned_footholds=planned,
-            foothold_regions=() if is_planned else tuple(self._regions_of(feet)),
-            swing_position=swing.position,
-            swing_reach=box(horizon.time_to_touchdown * self._robot.max_foot_speed).rotated(support.yaw),
+            foothold_regions=() if chooser is Footholds.PLANNED else tuple(self._regions_of(feet)),
+            swing_reach=self._reach(horizon.time_to_touchdown, support.yaw),
             capturable_soon=soon,
             spare_at_end=spare,
             capturable_at_end=capturable,
@@ -158,6 +149,11 @@ class SupportGeometry:
             yaws=(*yaws, *((last_yaw,) if is_stopping else ())),
             stopping_offset=aside if is_stopping else None,
         )
+
+    def _reach(self, time: float, yaw: float) -> HalfPlanes:
+        """How far a foot flies in some time, along the axes of the support foot."""
+        reach = time * self._robot.max_foot_speed
+        return HalfPlanes(UNIT_BOX.rotated(yaw).normals, -reach, reach)
 
     @staticmethod
     def _capture(

@@ -10,12 +10,25 @@ holds at the next tick if it holds at this one, so the QP never loses a foothold
 that it has planned, and no foot is ever asked to be faster.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from walkcore.gait import Footstep
 from walkcore.values import Matrix, Vector, read_only, rotation
+
+# Coefficients of s^0 to s^5, for the fraction s of a time T that has passed, from x, T dx, T^2 ddx and the target.
+QUINTIC = read_only(
+    [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 0.5, 0.0],
+        [-10.0, -6.0, -1.5, 10.0],
+        [15.0, 8.0, 1.5, -15.0],
+        [-6.0, -3.0, -0.5, 6.0],
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,10 +43,14 @@ class FootState:
     """[m/s^2] and [rad/s^2], shape (3,)."""
     height: float
     """Of the sole above the ground [m]."""
+    matrix: Matrix = field(init=False, repr=False)
+    """Pose, velocity and acceleration, one below the other, shape (3, 3)."""
 
     def __post_init__(self) -> None:
-        for name in ("pose", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name), shape=(3,)))
+        matrix = read_only((self.pose, self.velocity, self.acceleration), shape=(3, 3))
+        object.__setattr__(self, "matrix", matrix)
+        for name, row in zip(("pose", "velocity", "acceleration"), matrix, strict=True):
+            object.__setattr__(self, name, row)
 
     @property
     def position(self) -> Vector:
@@ -77,14 +94,13 @@ def swing(
     if time_left <= 1.5 * tick:
         return standing(foothold)
     target = _pose(foothold)
-    pose, velocity, acceleration = _quintic(foot, target, time_left, tick)
-    R = np.eye(3)
-    R[:2, :2] = rotation(support_yaw)
-    to_go = (target - foot.pose) @ R
+    pose, velocity, acceleration = _one_tick(time_left, tick) @ np.vstack([foot.matrix, target])
+    R = _rotation(support_yaw)
+    to_go, move = np.array([target - foot.pose, pose - foot.pose]) @ R
     reachable = np.maximum((time_left - tick) * max_speed, 0.0)
-    move = (pose - foot.pose) @ R
-    allowed = np.clip(np.clip(move, -max_speed * tick, max_speed * tick), to_go - reachable, to_go + reachable)
-    if np.any(np.abs(allowed - move) > 1e-12):
+    allowed = np.minimum(np.maximum(move, -tick * max_speed), tick * max_speed)
+    allowed = np.minimum(np.maximum(allowed, to_go - reachable), to_go + reachable)
+    if np.abs(allowed - move).max() > 1e-12:
         pose, velocity, acceleration = foot.pose + R @ allowed, R @ allowed / tick, np.zeros(3)
     return FootState(pose, velocity, acceleration, foot.height)
 
@@ -107,9 +123,9 @@ def swing_accelerations(
         Horizontal, shape (k, 2), and vertical, shape (k,) [m/s^2].
     """
     left, flight = landing - start, landing - lift_off
-    coefficients = _coefficients(foot, _pose(foothold), left)
+    c = QUINTIC @ np.vstack([np.array([[1.0], [left], [left**2]]) * foot.matrix, _pose(foothold)])
     s = ((times - start) / left)[:, None]
-    second = 2 * coefficients[2] + 6 * coefficients[3] * s + 12 * coefficients[4] * s**2 + 20 * coefficients[5] * s**3
+    second = 2 * c[2] + 6 * c[3] * s + 12 * c[4] * s**2 + 20 * c[5] * s**3
     s = (times - lift_off) / flight
     bump = 64.0 * apex * (6 * s - 36 * s**2 + 60 * s**3 - 30 * s**4)  # second derivative of `swing_height`
     return second[:, :2] / left**2, bump / flight**2
@@ -119,19 +135,24 @@ def _pose(foot: Footstep) -> Vector:
     return np.array([*foot.position, foot.yaw])
 
 
-def _coefficients(foot: FootState, target: Vector, duration: float) -> Matrix:
-    """Of s^0 to s^5, for the fraction s of `duration` that has passed, shape (6, 3)."""
-    T = duration
-    D, V, A = target - foot.pose, foot.velocity * T, foot.acceleration * T**2
-    c3, c4, c5 = 10 * D - 6 * V - 1.5 * A, -15 * D + 8 * V + 1.5 * A, 6 * D - 3 * V - 0.5 * A
-    return np.stack([foot.pose, V, A / 2, c3, c4, c5])
-
-
-def _quintic(foot: FootState, target: Vector, time_left: float, tick: float) -> tuple[Vector, Vector, Vector]:
-    """Pose, velocity and acceleration after one tick of the quintic that rests on the target at touchdown."""
+@lru_cache(maxsize=4096)  # the flights of a walk pass the same times
+def _one_tick(time_left: float, tick: float) -> Matrix:
+    """What leads from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
     T, s = time_left, tick / time_left
-    c = _coefficients(foot, target, T)
-    position = s ** np.arange(6)
-    velocity = np.arange(1, 6) * s ** np.arange(5)
-    acceleration = np.array([2.0, 6.0, 12.0, 20.0]) * s ** np.arange(4)
-    return position @ c, velocity @ c[1:] / T, acceleration @ c[2:] / T**2
+    scale = np.array([1.0, T, T**2])
+    derivatives = np.array(
+        [
+            [1.0, s, s**2, s**3, s**4, s**5],
+            [0.0, 1.0, 2 * s, 3 * s**2, 4 * s**3, 5 * s**4],
+            [0.0, 0.0, 2.0, 6 * s, 12 * s**2, 20 * s**3],
+        ]
+    )
+    return read_only(derivatives @ QUINTIC * [*scale, 1.0] / scale[:, None])
+
+
+@lru_cache(maxsize=256)
+def _rotation(yaw: float) -> Matrix:
+    """From the frame of a foot to the world, for x, y and yaw, shape (3, 3)."""
+    R = np.eye(3)
+    R[:2, :2] = rotation(yaw)
+    return read_only(R)

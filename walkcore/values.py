@@ -2,8 +2,8 @@
 
 import math
 import numbers
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,12 +15,13 @@ Matrix = NDArray[np.float64]
 
 
 def read_only(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
-    """A copy of `array` in double precision that nobody can write to.
+    """`array` in double precision, as a copy that nobody can write to, unless it is one already.
 
     Raises:
         ValueError: if the shape is not the one asked for.
     """
-    copy = np.array(array, dtype=np.float64)
+    is_frozen = isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable
+    copy = cast(Vector, array) if is_frozen else np.array(array, dtype=np.float64)
     if shape is not None and copy.shape != shape:
         raise ValueError(f"shape {copy.shape} instead of {shape}")
     copy.flags.writeable = False
@@ -46,6 +47,42 @@ def _is_finite(value: numbers.Real) -> bool:
         return math.isfinite(value)
     except OverflowError:  # an integer beyond the largest double
         return False
+
+
+def check_whole(field: str, value: object, low: int, high: int) -> int:
+    """`value` as an int, if it is a whole number within [low, high].
+
+    Raises:
+        InvalidValueError: if it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InvalidValueError(field, value, "must be a whole number")
+    if not low <= value <= high:
+        raise InvalidValueError(field, value, f"must lie in [{low}, {high}]")
+    return value
+
+
+def check_vector(field: str, value: object, size: int, low: float = -math.inf, high: float = math.inf) -> Vector:
+    """`value` as an array, read-only, if it is a list of `size` finite numbers within [low, high].
+
+    Raises:
+        InvalidValueError: naming the component that is not.
+    """
+    if not isinstance(value, list | tuple) or len(cast(Sequence[Any], value)) != size:
+        raise InvalidValueError(field, cast(object, value), f"must be a list of {size} numbers")
+    components = enumerate(cast(Sequence[Any], value))
+    return read_only([check_range(f"{field}[{i}]", component, low, high) for i, component in components])
+
+
+def check_mapping(field: str, value: object) -> dict[str, Any]:
+    """`value` as a dictionary with text for keys, if it is a mapping.
+
+    Raises:
+        InvalidValueError: if it is not.
+    """
+    if not isinstance(value, Mapping):
+        raise InvalidValueError(field, value, "must be a mapping")
+    return {str(key): item for key, item in cast(Mapping[Any, Any], value).items()}
 
 
 def check_keys(what: str, given: Mapping[str, Any], known: set[str]) -> None:

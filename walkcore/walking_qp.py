@@ -7,18 +7,20 @@
 
 The objective is a sum of weight/2 || term ||^2, of which a scheme takes some; each
 constraint says that a point of the plane lies in a convex polygon. Terms and points
-are affine in u, as `preview.py` gives them. Built here, solved elsewhere.
+are linear in u and in what is known, as `preview.py` gives them. So Q depends on the phase
+of the gait alone, p = J k, and a tick has only to turn the polygons' normals and to multiply.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from walkcore.parameters import Parameters
-from walkcore.preview import AffinePoints, Preview
+from walkcore.preview import LinearPoints, Preview
 from walkcore.qp import QP
 from walkcore.regions import HalfPlanes
+from walkcore.supports import Supports
 from walkcore.values import Matrix, Vector
 
 MARGIN_PENALTY = 1e4  # per metre and second; above any multiplier of the margin, so that the penalty is exact
@@ -26,91 +28,129 @@ OVERSHOOT = 5e-3  # [m] of the margin that is never given up: between samples th
 GOAL_PENALTY = 1e5  # per metre; worth more than any margin given up for it, which grows tenfold over a step
 
 
-def build_qp(preview: Preview, reference: Matrix, parameters: Parameters) -> QP:
-    """The walking QP at one tick.
+class WalkingQP:
+    """The walking QP at one phase of the gait: what all ticks of that phase share."""
 
-    Args:
-        preview: the present and the samples to come.
-        reference: CoM velocity to track at each sample, world frame [m/s], shape (N, 2).
-        parameters: weights, and the scheme that says which of them count.
-    """
-    Q, p = _objective(preview, reference, parameters)
-    no_rows = np.zeros((0, len(p))), np.zeros(0), np.zeros(0)
-    G, lower, upper = _constraints(preview) if parameters.terms.is_constrained else no_rows
-    return QP(Q, p, G, lower, upper, preview.layout.scale)
+    def __init__(self, preview: Preview, parameters: Parameters) -> None:
+        """Compute it.
+
+        Args:
+            preview: of that phase.
+            parameters: weights, and the scheme that says which of them count.
+        """
+        self.preview = preview
+        self._Q, self._J = _objective(preview, parameters)
+        self._points = preview.cops().followed_by(preview.strides(), preview.flight())
+        self._polygon_of_point = _polygon_of_point(preview) if parameters.terms.is_constrained else []
+        self._constraints: dict[tuple[int, ...], _PointConstraints] = {}
+
+    def at(self, known: Matrix, supports: Supports) -> QP:
+        """The QP of one tick.
+
+        Args:
+            known: k of `preview.py`, shape (6 + m + N, 2).
+            supports: the polygons at this tick.
+        """
+        constraints = self._constraints_for(supports)
+        return QP(self._Q, (self._J @ known).T.ravel(), *constraints.at(known, supports.polygons))
+
+    def rescue_at(self, known: Matrix, supports: Supports, margin: float, end: LinearPoints) -> QP:
+        """The same QP, made to stay up: margins may be given up, and the plan ends as near to a goal as it can.
+
+        A slack s of each sample, at most the margin, widens its CoP polygon, and one more widens
+        the goal. Their linear penalties are exact: where a margin can be kept, it is.
+
+        Args:
+            known: k of `preview.py`.
+            supports: the polygons at this tick; its `spare_at_end` is the goal.
+            margin: of the CoP, that there is to give up [m].
+            end: divergent component of motion at the last sample.
+        """
+        problem, lipm = self.at(known, supports), self.preview.lipm
+        goal = supports.spare_at_end
+        at_goal = _PointConstraints(end, [0], (len(goal.normals),)).at(known, (goal,))
+        G, lower, upper = (
+            np.concatenate(pair) for pair in zip((problem.G, problem.lower, problem.upper), at_goal, strict=True)
+        )
+        N, point = lipm.nb_samples, self._constraints_for(supports).point
+        slack_of_row = np.concatenate([np.where(point < N, point, -1), np.full(len(goal.normals), N)])
+        # Priced by the time that a sample stands for: else a late slack could be cheaper than an early one, and the
+        # margin that is planned to be given up would be put off from tick to tick.
+        times = np.concatenate([[0.0], lipm.times, lipm.times[-1:]])
+        price = np.append(MARGIN_PENALTY * (times[2:] - times[:-2]), GOAL_PENALTY)
+        most = np.append(np.full(N, max(margin - OVERSHOOT, 0.0)), np.inf)
+        return _softened(QP(problem.P, problem.q, G, lower, upper), slack_of_row, price, most)
+
+    def _constraints_for(self, supports: Supports) -> "_PointConstraints":
+        """The rows for polygons with as many edges: the region of a foothold has its own for each band of yaw."""
+        nb_edges = tuple([len(polygon.lower) for polygon in supports.polygons])
+        if nb_edges not in self._constraints:
+            self._constraints[nb_edges] = _PointConstraints(self._points, self._polygon_of_point, nb_edges)
+        return self._constraints[nb_edges]
 
 
-def _objective(preview: Preview, reference: Matrix, parameters: Parameters) -> tuple[Matrix, Vector]:
-    """Q and p of the sum of weight/2 || matrix u + offset - target ||^2; with the terms of (19) they are (23)-(25)."""
-    n = preview.layout.axis
-    Q_axis, p_axes = np.zeros((n, n)), np.zeros((n, 2))
-    for term, name in parameters.terms.weights.items():
-        points, target = _term(term, preview, reference, parameters)
-        weight, M = getattr(parameters, name), points.matrix
-        Q_axis += weight * M.T @ M
-        p_axes += weight * M.T @ (points.offset - target)
+def _polygon_of_point(preview: Preview) -> list[int]:
+    """Of the CoPs, strides and flight, in the order of `Supports.polygons`."""
+    m, beyond = preview.layout.nb_footholds, preview.horizon.nb_carriers
+    strides = list(range(beyond, beyond + m))
+    return [*map(int, preview.horizon.carrier), *strides, *[beyond + m][:m]]
+
+
+def _objective(preview: Preview, parameters: Parameters) -> tuple[Matrix, Matrix]:
+    """Q, and J of p = J k, of the sum of weight/2 || D u + K k ||^2; with the terms of (19) they are (23)-(25)."""
+    terms = [(getattr(parameters, w), _term(name, preview, parameters)) for name, w in parameters.terms.weights.items()]
+    Q_axis = np.sum([weight * term.D.T @ term.D for weight, term in terms], axis=0)
+    J = np.sum([weight * term.D.T @ term.K for weight, term in terms], axis=0)
     zero = np.zeros_like(Q_axis)
-    return np.block([[Q_axis, zero], [zero, Q_axis]]), p_axes.T.ravel()
+    return np.asfortranarray(np.block([[Q_axis, zero], [zero, Q_axis]])), J
 
 
-def _term(
-    term: str, preview: Preview, reference: Matrix, parameters: Parameters
-) -> tuple[AffinePoints, Matrix | float]:
-    """A term of the objective, by its name in `schemes.py`, and what it is drawn to."""
+def _term(term: str, preview: Preview, parameters: Parameters) -> LinearPoints:
+    """A term of the objective, by its name in `schemes.py`."""
     match term:
         case "jerk":
-            return preview.jerks(), 0.0
+            return preview.jerks()
         case "velocity":
-            return preview.velocities(), reference
+            return preview.velocity_errors()
         case "mean_velocity":
-            over = 2 * parameters.samples_per_step
-            return preview.mean_velocities(over), reference[over:]
+            return preview.mean_velocity_errors(over=2 * parameters.samples_per_step)
         case "cop":
-            return preview.cops(), 0.0
+            return preview.cops()
         case "foothold":
-            return preview.footholds(), preview.supports.planned_footholds
+            return preview.foothold_errors()
         case _:
             raise AssertionError(f"no term {term!r}")
 
 
-def _constraints(preview: Preview) -> tuple[Matrix, Vector, Vector]:
-    """Rows of (28), then of the foothold regions, then of (30)."""
-    supports, flight = preview.supports, preview.flight()
-    points = preview.cops().followed_by(preview.strides(), flight)
-    reach = (supports.swing_reach,) * len(flight.offset)
-    return points.rows((*supports.cop_polygons, *supports.foothold_regions, *reach))
+class _PointConstraints:
+    """Rows that keep points in polygons of which the edges turn from tick to tick, but whose number stays."""
 
+    def __init__(self, points: LinearPoints, polygon_of_point: Sequence[int], nb_edges: Sequence[int]) -> None:
+        """Choose the rows.
 
-def rescue_qp(problem: QP, preview: Preview, margin: float, end: AffinePoints, goal: HalfPlanes) -> QP:
-    """The same QP, made to stay up: margins may be given up, and the plan ends as near to a goal as it can.
+        Args:
+            points: some of them.
+            polygon_of_point: number of the polygon of each point; of points beyond, nothing is asked.
+            nb_edges: of each polygon.
+        """
+        starts = [sum(nb_edges[:polygon]) for polygon in polygon_of_point]
+        counts = [nb_edges[polygon] for polygon in polygon_of_point]
+        edges = [start + np.arange(count) for start, count in zip(starts, counts, strict=True)]
+        self._edge = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
+        self.point = np.repeat(np.arange(len(counts)), np.array(counts, dtype=np.int64))
+        self._D, self._K = np.asfortranarray(points.D[self.point]), points.K[self.point]
 
-    A slack s of each sample, at most the margin, widens its CoP polygon, and one more widens
-    the goal. Their linear penalties are exact: where a margin can be kept, it is.
-
-    Args:
-        problem: as `build_qp` gives it.
-        preview: that it was built from.
-        margin: of the CoP, that there is to give up [m].
-        end: divergent component of motion at the last sample.
-        goal: where further steps can catch it.
-    """
-    G, lower, upper = end.rows((goal,))
-    with_goal = replace(
-        problem,
-        G=np.vstack([problem.G, G]),
-        lower=np.concatenate([problem.lower, lower]),
-        upper=np.concatenate([problem.upper, upper]),
-    )
-    cop_polygons = preview.supports.cop_polygons
-    N = len(cop_polygons)
-    sample = np.repeat(np.arange(N), [len(polygon.normals) for polygon in cop_polygons])
-    slack_of_row = np.concatenate([sample, np.full(len(problem.lower) - len(sample), -1), np.full(len(lower), N)])
-    # Priced by the time that a sample stands for: else a late slack could be cheaper than an early one, and the margin
-    # that is planned to be given up would be put off from tick to tick.
-    times = np.concatenate([[0.0], preview.lipm.times, preview.lipm.times[-1:]])
-    price = np.append(MARGIN_PENALTY * (times[2:] - times[:-2]), GOAL_PENALTY)
-    most = np.append(np.full(N, max(margin - OVERSHOOT, 0.0)), np.inf)
-    return _softened(with_goal, slack_of_row, price, most)
+    def at(self, known: Matrix, polygons: Sequence[HalfPlanes]) -> tuple[Matrix, Vector, Vector]:
+        """G, lower and upper at one tick; G in Fortran order, as a solver likes it."""
+        normals = np.concatenate([polygon.normals for polygon in polygons])[self._edge]
+        rows, axis = self._D.shape
+        G = np.empty((rows, 2 * axis), order="F")
+        np.multiply(normals[:, :1], self._D, out=G[:, :axis])
+        np.multiply(normals[:, 1:], self._D, out=G[:, axis:])
+        offset = np.vecdot(normals, self._K @ known)
+        lower = np.concatenate([polygon.lower for polygon in polygons])[self._edge]
+        upper = np.concatenate([polygon.upper for polygon in polygons])[self._edge]
+        return G, lower - offset, upper - offset
 
 
 def _softened(problem: QP, slack_of_row: NDArray[np.int64], price: Vector, most: Vector) -> QP:
@@ -124,5 +164,4 @@ def _softened(problem: QP, slack_of_row: NDArray[np.int64], price: Vector, most:
         G=np.block([[problem.G[above], -S[above]], [problem.G[below], S[below]], [np.zeros((k, n)), np.eye(k)]]),
         lower=np.concatenate([np.full(above.sum(), -np.inf), problem.lower[below], np.zeros(k)]),
         upper=np.concatenate([problem.upper[above], np.full(below.sum(), np.inf), most]),
-        scale=np.concatenate([problem.scale, np.ones(k)]),
     )

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from app import palette
 from app.figures import measures
-from app.viewer import palette
 from walkcore import Recording
 from walkcore.gait import Footstep, Side
 from walkcore.regions import sole_vertices

@@ -1,13 +1,15 @@
 """The robot itself: its meshes where Pinocchio's forward kinematics puts them, or a point mass on two legs."""
 
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 import viser
+from viser import _messages
 
-from app.viewer.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
-from app.viewer.robot_mesh import body_parts
+from app.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
+from app.viewer.robot_mesh import BodyPart, body_parts
 from app.viewer.shapes import plate
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
@@ -48,25 +50,32 @@ class BodyDrawing:
         """Load and send the meshes once."""
         self._model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
         self._data = self._model.createData()
-        self._joints: dict[int, str] = {}
         self._parts: dict[str, Colour] = {}
         self._opacity: dict[str, float | None] = {}
         feet = {self._model.frames[self._model.getFrameId(body.sole(side))].parentJoint for side in Side}
         self._has_fallen = False
-        for index, part in enumerate(body_parts(body, self._model, face_ratio)):
-            if part.joint not in self._joints:
-                self._joints[part.joint] = f"{root}/{self._model.names[part.joint]}"
-                server.scene.add_frame(self._joints[part.joint], show_axes=False)
+        parts = body_parts(body, self._model, face_ratio)
+        self._joints = self._add_joints(server, root, {part.joint for part in parts})
+        for index, part in enumerate(parts):
             name = f"{self._joints[part.joint]}/{index}"
             self._parts[name], self._opacity[name] = part.colour, FEET if part.joint in feet else None
-            server.scene.add_mesh_simple(
-                name,
-                part.vertices,
-                part.faces,
-                color=part.colour,
-                opacity=self._opacity[name],
-                receive_shadow=False,
+            _add_part(server, name, part, self._opacity[name])
+
+    def _add_joints(self, server: viser.ViserServer, root: str, seen: set[int]) -> dict[int, str]:
+        """A frame for each joint that moves something to be seen, within that of its parent joint.
+
+        So a revolute joint only turns, and its place in the parent's frame need not be sent.
+        """
+        parents = list(self._model.parents)
+        chains = {joint for last in seen for joint in _ancestry(parents, last)}
+        names = {0: root}
+        for joint in sorted(chains):  # parents come first in Pinocchio
+            names[joint] = f"{names[parents[joint]]}/j{joint}"
+            server.scene.add_frame(
+                names[joint], show_axes=False, position=tuple(self._model.jointPlacements[joint].translation)
             )
+        self._sliding = {j for j in chains if not self._model.joints[j].shortname().startswith("JointModelR")}
+        return {joint: names[joint] for joint in sorted(chains)}
 
     def update(self, stream: Stream, snapshot: Snapshot) -> None:
         """Put every link where forward kinematics says."""
@@ -74,9 +83,10 @@ class BodyDrawing:
             return
         pin.forwardKinematics(self._model, self._data, snapshot.q)
         for joint, name in self._joints.items():
-            x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.oMi[joint]).tolist()
-            stream.position(name, (x, y, z))
+            x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.liMi[joint]).tolist()
             stream.orientation(name, (qw, qx, qy, qz))
+            if joint in self._sliding:
+                stream.position(name, (x, y, z))
         has_fallen = snapshot.status is Status.FALLEN
         if has_fallen is not self._has_fallen:
             self._has_fallen = has_fallen
@@ -87,6 +97,35 @@ class BodyDrawing:
         """Make the meshes translucent, or solid again."""
         for name, solid in self._opacity.items():
             stream.properties(name, opacity=SEE_THROUGH if is_see_through else solid, cast_shadow=not is_see_through)
+
+
+def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> None:
+    """Add a part as `add_mesh_simple` does, which makes floats of what clients take as whole numbers in half the bytes."""
+    vertices, faces, step = part.quantised()
+    message = _messages.MeshMessage(
+        name,
+        _messages.MeshProps(
+            vertices=vertices,  # pyright: ignore[reportArgumentType]  # any type of three.js does
+            faces=faces,  # pyright: ignore[reportArgumentType]
+            color=part.colour,
+            wireframe=False,
+            opacity=opacity,
+            flat_shading=False,
+            side="double",  # shells of one layer, seen from inside where they are open
+            material="standard",
+            scale=step,
+            cast_shadow=True,
+            receive_shadow=False,
+        ),
+    )
+    viser.MeshHandle._make(server.scene, message, name, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), True)
+
+
+def _ancestry(parents: Sequence[int], joint: int) -> Iterator[int]:
+    """A joint and those that carry it, without the world."""
+    while joint:
+        yield joint
+        joint = parents[joint]
 
 
 class PointMassDrawing:

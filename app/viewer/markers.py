@@ -1,195 +1,194 @@
-"""Centre of mass, centres of pressure, their trails and preview, and arrows for what is asked and what pushes."""
+"""The points that tell the balance: dots on the ground, where each was, and where the model will have it."""
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
-from app.viewer.palette import COM, COP, COP_RIM, COP_TRAIL, GRID_CELL, PUSH, REFERENCE, TRUE_COP, Colour, linear
-from app.viewer.shapes import disc, polyline, raised
+from app.palette import CAPTURE, COM, COP, COP_RIM, COP_TRAIL, GRID_CELL, TRUE_COP, Colour
+from app.viewer.shapes import Points, disc, polyline, raised
 from app.viewer.stream import Stream
 from walkcore import Snapshot
-from walkcore.pattern_generator import Plan
-from walkcore.values import Vector, rotation
+from walkcore.values import Matrix, Vector
 
 FRAMES_PER_LINE = 3  # lines are sent at a third of the rate: a client builds them anew
 TRAIL_POINTS = 20  # two seconds
 TRAIL_HEIGHT, PREVIEW_HEIGHT = 0.007, 0.008  # [m]
-SECONDS_AHEAD = 1.5  # the reference arrow ends where the robot is asked to be after them
-CHEST = 1.35  # height of the push arrow, in heights of the CoM
-CLEARANCE = 0.42  # [m] from the CoM to the tip of the push arrow: beside the arm
-PUSH_LENGTH, PUSH_LENGTH_PER_IMPULSE = 0.15, 0.01  # [m], [m per N s]
-PUSH_SECONDS = 0.6  # that the arrow stays
+BALL_RADIUS = 0.045  # [m]
 
 
-class Dot:
-    """A flat coloured disc with a white rim, on the ground."""
+@dataclass(frozen=True, slots=True)
+class Style:
+    """How a point is drawn."""
 
-    def __init__(self, server: viser.ViserServer, name: str, colour: Colour, radius: float, height: float) -> None:
-        """Make the nodes once."""
-        self._name, self._height = name, height
-        server.scene.add_frame(name, show_axes=False)
-        for part, part_colour, part_radius, lift in (
-            ("rim", COP_RIM, 1.35 * radius, 0.0),
-            ("face", colour, radius, 0.001),
-        ):
-            vertices, faces = disc(part_radius)
-            server.scene.add_mesh_simple(
-                f"{name}/{part}",
-                vertices,
-                faces,
-                color=part_colour,
-                position=(0.0, 0.0, lift),
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-
-    def update(self, stream: Stream, point: Vector | None) -> None:
-        """Put the dot on a point of the ground, shape (2,); none hides it."""
-        stream.visible(self._name, point is not None)
-        if point is not None:
-            stream.on_ground(self._name, point, height=self._height)
+    colour: Colour
+    line: Colour
+    radius: float
+    """[m]."""
+    height: float
+    """[m], so that none hides another."""
 
 
-class Trail:
-    """Where a point of the ground was during the last two seconds, fading; given relative to the CoM of now."""
+STYLES = {
+    "com": Style(COM, COM, 0.016, 0.009),
+    "cop": Style(COP, COP_TRAIL, 0.020, 0.011),
+    "true_cop": Style(TRUE_COP, TRUE_COP, 0.015, 0.013),
+    "capture_point": Style(CAPTURE, CAPTURE, 0.017, 0.015),
+}
 
-    def __init__(self, server: viser.ViserServer, name: str, colour: Colour) -> None:
-        """Make the node once."""
-        self._name = name
-        self._points: deque[Vector] = deque(maxlen=TRAIL_POINTS)
+
+def points_of(snapshot: Snapshot, omega: float) -> dict[str, Vector | None]:
+    """Where the points are on the ground [m], shape (2,).
+
+    Args:
+        snapshot: of a robot.
+        omega: of its pendulum [1/s].
+    """
+    return {
+        "com": snapshot.com.position,
+        "cop": snapshot.cop,
+        "true_cop": snapshot.true_cop,
+        "capture_point": snapshot.com.position + snapshot.com.velocity / omega,
+    }
+
+
+def previews_of(snapshot: Snapshot, omega: float) -> dict[str, Matrix]:
+    """Where the plan has them, the present first, shape (N + 1, 2) [m]; none for what the model does not know."""
+    plan, com = snapshot.plan, snapshot.com
+    if plan is None:
+        return {}
+    steps = np.diff(plan.times, prepend=0.0)[:, None]
+    accelerations = com.acceleration + np.vstack([np.zeros(2), np.cumsum(steps * plan.jerks, axis=0)])
+    changes = steps * (accelerations[:-1] + steps * plan.jerks / 2)
+    velocities = com.velocity + np.vstack([np.zeros(2), np.cumsum(changes, axis=0)])
+    path = np.vstack([com.position, plan.com])
+    return {"com": path, "cop": np.vstack([snapshot.cop, plan.cop]), "capture_point": path + velocities / omega}
+
+
+class Marker:
+    """One point: a flat coloured disc with a white rim, its trail, and its preview. Lines go with the CoM."""
+
+    def __init__(self, server: viser.ViserServer, root: str, style: Style) -> None:
+        """Make the nodes once, invisible."""
+        self._dot, self._frame = f"{root}/dot", f"{root}/at_com"
+        self._trail, self._preview = f"{self._frame}/trail", f"{self._frame}/preview"
+        self._height = style.height
+        self._past: deque[Vector] = deque(maxlen=TRAIL_POINTS)
+        self._is_dashed = style.line is COP_TRAIL
+        server.scene.add_frame(self._dot, show_axes=False, visible=False)
+        server.scene.add_frame(self._frame, show_axes=False)
+        _add_disc(server, f"{self._dot}/rim", COP_RIM, 1.35 * style.radius, 0.0)
+        _add_disc(server, f"{self._dot}/face", style.colour, style.radius, 0.001)
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
-        colours = (fade * colour + (1.0 - fade) * GRID_CELL).astype(np.uint8)
-        server.scene.add_line_segments(
-            name,
-            np.zeros((TRAIL_POINTS - 1, 2, 3)),
-            colors=np.stack([colours[:-1], colours[1:]], axis=1),
-            thickness=2.0,
-            thickness_units="screen",
-            visible=False,
-        )
+        colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
+        _add_line(server, self._trail, TRAIL_POINTS - 1, np.stack([colours[:-1], colours[1:]], axis=1), 2.0)
+        _add_line(server, self._preview, 1, style.line, 2.5)
 
-    def update(self, stream: Stream, point: Vector | None, com: Vector) -> None:
+    def move(self, stream: Stream, point: Vector | None) -> None:
+        """Put the dot on a point of the ground, shape (2,); none hides it."""
+        stream.visible(self._dot, point is not None)
+        if point is not None:
+            stream.on_ground(self._dot, point, height=self._height)
+
+    def go_with(self, stream: Stream, com: Vector) -> None:
+        """Keep the lines at their place relative to the CoM, shape (2,)."""
+        stream.on_ground(self._frame, com)
+
+    def remember(self, point: Vector | None) -> None:
         """Lengthen the trail by a point, shape (2,)."""
-        stream.visible(self._name, point is not None)
-        if point is None:
-            return
-        self._points.extend([point] * (1 if self._points else TRAIL_POINTS))
-        stream.properties(self._name, points=polyline(raised(np.array(self._points) - com, TRAIL_HEIGHT)))
+        if point is not None:
+            self._past.extend([point] * (1 if self._past else TRAIL_POINTS))
+
+    def draw_lines(self, stream: Stream, com: Vector, preview: Matrix | None, *, has_trail: bool) -> None:
+        """Draw where the point was and where it is going to be; either may be left out."""
+        stream.visible(self._trail, has_trail and bool(self._past))
+        if has_trail and self._past:
+            stream.properties(self._trail, points=_line(np.array(self._past) - com, TRAIL_HEIGHT))
+        stream.visible(self._preview, preview is not None)
+        if preview is not None:
+            line = _line(preview - com, PREVIEW_HEIGHT)
+            stream.properties(self._preview, points=line[::2] if self._is_dashed else line)
 
     def forget(self) -> None:
         """Begin anew, after a reset of the robot."""
-        self._points.clear()
+        self._past.clear()
 
 
 class Balance:
-    """CoM with its ground projection, CoP of the model, true CoP, their trails, and the preview of the first two."""
+    """CoM, CoP of the model, true CoP, capture point."""
 
-    def __init__(self, server: viser.ViserServer, points: str, trails: str, plan: str) -> None:
-        """Make the nodes once, below three layers, each with a frame that goes with the CoM."""
-        self._frames = [f"{layer}/com" for layer in (points, trails, plan)]
-        for frame in self._frames:
-            server.scene.add_frame(frame, show_axes=False)
-        at_com, trails_at_com, plan_at_com = self._frames
-        self._ball, self._plumb = f"{at_com}/ball", f"{at_com}/plumb"
-        server.scene.add_icosphere(self._ball, radius=0.045, color=COM, cast_shadow=False)
-        server.scene.add_line_segments(
-            self._plumb, np.zeros((1, 2, 3)), colors=COM, thickness=1.5, thickness_units="screen"
-        )
-        self._dots = {
-            "com": Dot(server, f"{points}/com_ground", COM, radius=0.016, height=0.009),
-            "cop": Dot(server, f"{points}/cop", COP, radius=0.020, height=0.011),
-            "true_cop": Dot(server, f"{points}/true_cop", TRUE_COP, radius=0.015, height=0.013),
-        }
-        self._trails = {
-            "com": Trail(server, f"{trails_at_com}/com", COM),
-            "cop": Trail(server, f"{trails_at_com}/cop", COP_TRAIL),
-            "true_cop": Trail(server, f"{trails_at_com}/true_cop", TRUE_COP),
-        }
-        self._previews = {"com": f"{plan_at_com}/com", "cop": f"{plan_at_com}/cop"}
-        for key, colour in (("com", COM), ("cop", COP_TRAIL)):
-            server.scene.add_line_segments(
-                self._previews[key], np.zeros((1, 2, 3)), colors=colour, thickness=2.5, thickness_units="screen"
-            )
-        self._frame_count = 0
+    def __init__(self, server: viser.ViserServer, roots: dict[str, str]) -> None:
+        """Make the nodes once, each point below the root of its layer."""
+        self._markers = {name: Marker(server, roots[name], style) for name, style in STYLES.items()}
+        self._com = f"{roots['com']}/mass"
+        self._ball, self._plumb = f"{self._com}/ball", f"{self._com}/plumb"
+        server.scene.add_frame(self._com, show_axes=False)
+        server.scene.add_icosphere(self._ball, radius=BALL_RADIUS, color=COM, cast_shadow=False)
+        _add_line(server, self._plumb, 1, COM, 1.5, visible=True)
+        self._frame = 0
 
-    def update(self, stream: Stream, snapshot: Snapshot) -> None:
-        """Draw the points of a snapshot and what its plan previews of them."""
-        points = {"com": snapshot.com.position, "cop": snapshot.cop, "true_cop": snapshot.true_cop}
-        for frame in self._frames:
-            stream.on_ground(frame, snapshot.com.position)
-        top = (0.0, 0.0, snapshot.com_height)
-        stream.position(self._ball, top)
-        stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
-        for key, dot in self._dots.items():
-            dot.update(stream, points[key])
-        for preview in self._previews.values():
-            stream.visible(preview, snapshot.plan is not None)
-        self._frame_count += 1
-        if self._frame_count % FRAMES_PER_LINE == 0:
-            for key, trail in self._trails.items():
-                trail.update(stream, points[key], snapshot.com.position)
-            if snapshot.plan is not None:
-                self._preview(stream, snapshot, snapshot.plan)
+    def update(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
+        """Draw the points of a snapshot that are shown, and of these trails and previews if those are."""
+        points, com = points_of(snapshot, omega), snapshot.com.position
+        if "com" in shown:
+            stream.on_ground(self._com, com)
+            top = (0.0, 0.0, round(snapshot.com_height, 3))
+            stream.position(self._ball, top)
+            stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
+        for name, marker in self._markers.items():
+            if name in shown:
+                marker.move(stream, points[name])
+                if shown & {"trails", "preview"}:
+                    marker.go_with(stream, com)
+        self._frame += 1
+        if self._frame % FRAMES_PER_LINE == 0:
+            self._draw_lines(stream, snapshot, omega, shown)
 
-    def _preview(self, stream: Stream, snapshot: Snapshot, plan: Plan) -> None:
-        com = snapshot.com.position
-        path = polyline(raised(np.vstack([com, plan.com]) - com, PREVIEW_HEIGHT))
-        stream.properties(self._previews["com"], points=path)
-        dashes = polyline(raised(np.vstack([snapshot.cop, plan.cop]) - com, PREVIEW_HEIGHT))
-        stream.properties(self._previews["cop"], points=dashes[::2])
+    def _draw_lines(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
+        points = points_of(snapshot, omega)
+        previews = previews_of(snapshot, omega) if "preview" in shown else {}
+        for name, marker in self._markers.items():
+            marker.remember(points[name])
+            if name in shown:
+                marker.draw_lines(stream, snapshot.com.position, previews.get(name), has_trail="trails" in shown)
 
     def forget(self) -> None:
         """Begin anew, after a reset of the robot."""
-        for trail in self._trails.values():
-            trail.forget()
+        for marker in self._markers.values():
+            marker.forget()
 
 
-class Arrows:
-    """The velocity asked for, from the robot along the ground, and the last push, at the height of the chest."""
+def _line(points: Matrix, height: float) -> Points:
+    return polyline(raised(np.round(points, 4), height))
 
-    def __init__(self, server: viser.ViserServer, root: str) -> None:
-        """Make the nodes once."""
-        self._frame = f"{root}/com"
-        self._reference, self._push = f"{self._frame}/reference", f"{self._frame}/push"
-        self._push_seconds_left = 0.0
-        server.scene.add_frame(self._frame, show_axes=False)
-        start = np.array([[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]])
-        for name, colour, radius in ((self._reference, REFERENCE, 0.012), (self._push, PUSH, 0.022)):
-            server.scene.add_arrows(
-                name,
-                start,
-                linear(colour),
-                shaft_radius=radius,
-                head_radius=2.8 * radius,
-                head_length=6.0 * radius,
-                visible=False,
-            )
 
-    def update(self, stream: Stream, snapshot: Snapshot, impulse: Vector | None, elapsed: float) -> None:
-        """Draw both.
+def _add_disc(server: viser.ViserServer, name: str, colour: Colour, radius: float, lift: float) -> None:
+    server.scene.add_mesh_simple(
+        name,
+        *disc(radius),
+        color=colour,
+        position=(0.0, 0.0, lift),
+        side="double",
+        cast_shadow=False,
+        receive_shadow=False,
+    )
 
-        Args:
-            stream: takes the changes.
-            snapshot: to be drawn.
-            impulse: of a push since the last frame, world frame [N s], shape (2,).
-            elapsed: since the last frame [s].
-        """
-        stream.on_ground(self._frame, snapshot.com.position)
-        reference = snapshot.reference
-        ahead = SECONDS_AHEAD * rotation(snapshot.heading) @ (reference.vx, reference.vy)
-        is_asked = bool(np.hypot(*ahead) > 0.03)
-        stream.visible(self._reference, is_asked)
-        if is_asked:
-            tail = 0.25 * ahead / np.hypot(*ahead)
-            stream.properties(self._reference, points=raised([tail, tail + ahead], 0.02)[None])
 
-        self._push_seconds_left -= elapsed
-        if impulse is not None:
-            self._push_seconds_left = PUSH_SECONDS
-            tip = -0.22 * impulse / np.hypot(*impulse)  # outside the robot, which it pushes
-            stream.properties(
-                self._push, points=raised([tip - PUSH_LENGTH * impulse, tip], CHEST * snapshot.com_height)[None]
-            )
-        stream.visible(self._push, self._push_seconds_left > 0.0)
+def _add_line(
+    server: viser.ViserServer,
+    name: str,
+    nb_segments: int,
+    colours: Colour | NDArray[np.uint8],
+    thickness: float,
+    visible: bool = False,
+) -> None:
+    server.scene.add_line_segments(
+        name,
+        np.zeros((nb_segments, 2, 3)),
+        colors=colours,
+        thickness=thickness,
+        thickness_units="screen",
+        visible=visible,
+    )

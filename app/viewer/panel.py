@@ -1,12 +1,14 @@
 """The panel beside the scene: sliders for the velocity, the method, and which layers are drawn."""
 
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
-from app.runner import Runner
+from app.runner import LiveState, Runner
+from app.viewer.layers import LAYERS
 from app.viewer.method_panel import MethodPanel
-from app.viewer.scene import HIDDEN_AT_START, LAYERS
+from app.viewer.scene import Scene
 from walkcore import Reference
 
 DRIVER = "sliders"
@@ -24,16 +26,14 @@ class Panel:
         self,
         server: viser.ViserServer,
         runner: Runner,
-        show: Callable[[str, bool], None],
-        see_through: Callable[[bool], None],
+        scene: Scene,
     ) -> None:
         """Make the controls.
 
         Args:
             server: of viser.
             runner: is driven by the sliders.
-            show: called with a layer and whether it is drawn.
-            see_through: called with whether the robot is see-through.
+            scene: whose layers are switched.
         """
         self._runner = runner
         with server.gui.add_folder("Drive"):
@@ -43,9 +43,11 @@ class Panel:
         with server.gui.add_folder("Method", expand_by_default=False):
             MethodPanel(server, runner)
         with server.gui.add_folder("View", expand_by_default=False):
-            for layer, meaning in LAYERS.items():
-                _add_checkbox(server, layer, f"Draw {meaning}", layer not in HIDDEN_AT_START, _bound(show, layer))
-            _add_checkbox(server, "see-through", "Let the centre of mass show through the robot", False, see_through)
+            for name, layer in LAYERS.items():
+                _add_checkbox(server, layer.label, layer.meaning, layer.is_on, partial(scene.show, name))
+            _add_checkbox(
+                server, "see-through", "Let the centre of mass show through the robot", False, scene.see_through
+            )
 
     def _add_slider(self, server: viser.ViserServer, name: str) -> viser.GuiSliderHandle[float]:
         meaning, unit, step = SLIDERS[name]
@@ -73,20 +75,19 @@ class Panel:
         # A client may send any value, whatever range its slider shows.
         self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER)
 
-    def follow(self, reference: Reference, driver: str) -> None:
+    def follow(self, state: LiveState) -> None:
         """Let the sliders show what another driver asks for."""
-        if driver == DRIVER:
+        if state.driver == DRIVER:
             return
         for name, slider in self._sliders.items():
-            slider.value = round(getattr(reference, name), 2)
-
-
-def _bound(show: Callable[[str, bool], None], layer: str) -> Callable[[bool], None]:
-    return lambda is_visible: show(layer, is_visible)
+            slider.value = round(getattr(state.snapshot.reference, name), 2)
 
 
 def _add_checkbox(
     server: viser.ViserServer, label: str, hint: str, is_set: bool, apply: Callable[[bool], None]
 ) -> None:
     box = server.gui.add_checkbox(label, is_set, hint=hint)
-    box.on_update(lambda _: apply(box.value))
+
+    @box.on_update
+    async def _(_: viser.GuiEvent) -> None:  # in the loop that draws
+        apply(box.value)

@@ -4,36 +4,28 @@ Everything lives under one frame that is moved by minus the robot's place on the
 So the camera follows the robot while the user's orbit of it stays free.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import viser
 
+from app.palette import GRID_CELL, GRID_SECTION, GROUND
+from app.viewer.arrows import PushArrow, VelocityArrows
 from app.viewer.body import draw_robot
-from app.viewer.footprints import PastFootprints, PlannedSoles, SupportPolygon
-from app.viewer.markers import Arrows, Balance
-from app.viewer.palette import GRID_CELL, GRID_SECTION, GROUND
+from app.viewer.constraints import ActiveConstraints
+from app.viewer.footprints import FootholdRegions, PastFootprints, PlannedSoles, SupportPolygon
+from app.viewer.layers import LAYERS
+from app.viewer.markers import Balance
 from app.viewer.push_watch import PushWatch
 from app.viewer.stream import Stream
-from walkcore import Robot, Snapshot
+from walkcore import Parameters, Robot, Snapshot
 
 WORLD = "/w"
 GRID_HEIGHT = 0.001  # [m]; at exactly zero the grid can vanish
 GRID_SIZE, SECTION, CELL = 40.0, 1.0, 0.25  # [m]
 FOLLOW_TIME = 0.6  # [s] in which the camera follows: slow enough not to sway with the robot
 FARTHEST_BEHIND = 1.0  # [m]; beyond it the robot was reset, and the camera jumps
-
-LAYERS = {
-    "robot": "the robot itself",
-    "footprints": "soles where they stood: left darker, right lighter",
-    "support": "support polygon, in green",
-    "plan": "planned soles, previewed CoM (red) and CoP (grey dashes)",
-    "balance": "CoM (red), CoP of the model (black), CoP of the full body (orange)",
-    "trails": "CoM and CoP of the last two seconds",
-    "region": "where the next foot may land",
-    "arrows": "velocity asked for (blue) and push (magenta)",
-}
-HIDDEN_AT_START = {"region"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,49 +46,64 @@ class Scene:
 
     def __init__(self, server: viser.ViserServer, robot: Robot, look: Look) -> None:
         """Make every node."""
-        self._stream = Stream(server)
+        self.stream = Stream()
+        self._shown = {name for name, layer in LAYERS.items() if layer.is_on}
         self._middle = np.full(2, np.inf)
         self._last_tick = 0
         self._pushes = PushWatch(robot.mass)
         _illuminate(server, look)
         server.scene.add_frame(WORLD, show_axes=False)
         _lay_ground(server)
-        for layer in LAYERS:
-            server.scene.add_frame(_node(layer), show_axes=False, visible=layer not in HIDDEN_AT_START)
-        self._robot = draw_robot(server, _node("robot"), robot, look.face_ratio)
-        self._past = PastFootprints(server, _node("footprints"), robot)
-        self._planned = PlannedSoles(server, _node("plan"), _node("region"), robot)
-        self._support = SupportPolygon(server, _node("support"), robot)
-        self._balance = Balance(server, _node("balance"), _node("trails"), _node("plan"))
-        self._arrows = Arrows(server, _node("arrows"))
+        roots = {name: f"{WORLD}/{name}" for name in LAYERS}
+        for name, layer in LAYERS.items():
+            server.scene.add_frame(roots[name], show_axes=False, visible=layer.is_on)
+        self._robot = draw_robot(server, roots["robot"], robot, look.face_ratio)
+        self._past = PastFootprints(server, roots["footprints"], robot)
+        self._planned = PlannedSoles(server, roots["plan"], robot)
+        self._regions = FootholdRegions(server, roots["regions"], robot)
+        self._support = SupportPolygon(server, roots["support"], roots["margin"], robot)
+        self._balance = Balance(server, roots)
+        self._velocities = VelocityArrows(server, roots)
+        self._push = PushArrow(server, roots["push"])
+        self._active = ActiveConstraints(server, roots["active"], robot)
 
     def show(self, layer: str, is_visible: bool) -> None:
-        """Draw a layer, or hide it."""
-        self._stream.visible(_node(layer), is_visible)
+        """Draw a layer, or hide it; what is hidden is not sent."""
+        (self._shown.add if is_visible else self._shown.discard)(layer)
+        self.stream.visible(f"{WORLD}/{layer}", is_visible)
 
     def see_through(self, is_see_through: bool) -> None:
         """Let the centre of mass show through the robot, or not."""
-        self._robot.see_through(self._stream, is_see_through)
+        self._robot.see_through(self.stream, is_see_through)
 
-    def draw(self, snapshot: Snapshot, elapsed: float) -> None:
-        """Send what a snapshot changes.
+    def draw(self, snapshot: Snapshot, parameters: Parameters, elapsed: float) -> None:
+        """Put into the stream what a snapshot changes.
 
         Args:
             snapshot: to be drawn.
+            parameters: with which it came about.
             elapsed: real time since the last call [s].
         """
         if snapshot.tick < self._last_tick:
             self._past.forget()
             self._balance.forget()
         self._last_tick = snapshot.tick
+        stream, shown = self.stream, self._shown
         self._scroll(snapshot, elapsed)
-        self._robot.update(self._stream, snapshot)
-        self._past.update(self._stream, snapshot)
-        self._planned.update(self._stream, snapshot)
-        self._support.update(self._stream, snapshot)
-        self._balance.update(self._stream, snapshot)
-        self._arrows.update(self._stream, snapshot, self._pushes.impulse(snapshot), elapsed)
-        self._stream.flush()
+        if "robot" in shown:
+            self._robot.update(stream, snapshot)
+        self._past.update(stream, snapshot)  # while it is hidden, too: what has been cannot be told later
+        if "plan" in shown:
+            self._planned.update(stream, snapshot)
+        if "regions" in shown:
+            self._regions.update(stream, snapshot)
+        if shown & {"support", "margin"}:
+            self._support.update(stream, snapshot, parameters.cop_margin)
+        self._balance.update(stream, snapshot, math.sqrt(parameters.gravity / snapshot.com_height), shown)
+        self._velocities.update(stream, snapshot, shown)
+        self._push.update(stream, snapshot, self._pushes.impulse(snapshot), elapsed)
+        if "active" in shown:
+            self._active.update(stream, snapshot, parameters)
 
     def _scroll(self, snapshot: Snapshot, elapsed: float) -> None:
         """Keep the robot in the middle, and the grid below it: whole sections at a time, so that it never ends."""
@@ -104,12 +111,8 @@ class Scene:
         if not np.hypot(*(robot - self._middle)) < FARTHEST_BEHIND:
             self._middle = np.array(robot)
         self._middle += (robot - self._middle) * (1.0 - np.exp(-elapsed / FOLLOW_TIME))
-        self._stream.position(WORLD, (*-self._middle, 0.0))
-        self._stream.position(f"{WORLD}/ground", (*np.round(self._middle / SECTION) * SECTION, GRID_HEIGHT))
-
-
-def _node(layer: str) -> str:
-    return f"{WORLD}/{layer}"
+        self.stream.position(WORLD, (*-self._middle, 0.0))
+        self.stream.position(f"{WORLD}/ground", (*np.round(self._middle / SECTION) * SECTION, GRID_HEIGHT))
 
 
 def _lay_ground(server: viser.ViserServer) -> None:
@@ -137,7 +140,10 @@ def _illuminate(server: viser.ViserServer, look: Look) -> None:
     """A soft studio that ships with viser, and a sun over the left shoulder of whoever stands behind the robot."""
     server.scene.configure_environment_map("studio", environment_intensity=0.7)
     server.scene.configure_default_lights(enabled=False)
-    server.scene.add_light_directional(
-        "/light/key", position=(-2.0, 3.0, 4.5), intensity=1.5, cast_shadow=look.has_shadows
-    )
+    add_key_light(server.scene, look.has_shadows)
     server.scene.add_light_directional("/light/fill", position=(2.0, -3.0, 2.0), intensity=0.6, cast_shadow=False)
+
+
+def add_key_light(scene: viser.SceneApi, has_shadows: bool) -> None:
+    """The sun; added for one client, it takes the place of the one for all."""
+    scene.add_light_directional("/light/key", position=(-2.0, 3.0, 4.5), intensity=1.5, cast_shadow=has_shadows)

@@ -3,19 +3,23 @@
 viser listens on a loopback port of its own, which `app.proxy` serves to the outside.
 """
 
+import asyncio
 import contextlib
 import io
-import queue
-import threading
+import logging
 import time
-from collections.abc import Callable
+from concurrent.futures import Future
 
 import viser
 from viser import _messages
 
 from app.runner import Runner
+from app.viewer.audience import Audience
+from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
 from app.viewer.scene import Look, Scene
+
+logger = logging.getLogger(__name__)
 
 PERIOD = 1.0 / 30.0  # [s], of drawing
 FRAMES_PER_PANEL_UPDATE = 6
@@ -25,7 +29,7 @@ ACCENT = (34, 111, 220)
 
 
 class Viewer:
-    """Owns viser's server and the thread that draws."""
+    """Owns viser's server and the task that draws."""
 
     def __init__(self, runner: Runner, look: Look | None = None) -> None:
         """Build the scene; nothing is drawn before `start`.
@@ -37,13 +41,16 @@ class Viewer:
         self._runner = runner
         self._server = _server(runner.robot.name.capitalize())
         self._scene = Scene(self._server, runner.robot, Look() if look is None else look)
-        self._wishes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._panel = Panel(self._server, runner, self._wish_to_show, self._wish_to_see_through)
+        spare_light_clients(self._server)
+        self._audience = Audience(self._server)
+        self._panel = Panel(self._server, runner, self._scene)
         self._server.gui.main_panel.set_width(270)
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        loop = self._server._websock_server._background_event_loop
+        assert loop is not None  # viser has started
+        self._loop = loop
+        self._drawing: Future[None] | None = None
 
     @property
     def port(self) -> int:
@@ -51,36 +58,37 @@ class Viewer:
         return self._server.get_port()
 
     def start(self) -> None:
-        """Begin to draw."""
-        self._thread.start()
+        """Begin to draw, in viser's own event loop: what its callbacks change needs no lock."""
+        self._drawing = asyncio.run_coroutine_threadsafe(self._run(), self._loop)
 
     def stop(self) -> None:
         """Stop drawing and close viser."""
-        self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        if self._drawing is not None:
+            self._drawing.cancel()
         self._server.stop()
 
-    def _wish_to_show(self, layer: str, is_visible: bool) -> None:
-        self._wishes.put(lambda: self._scene.show(layer, is_visible))
-
-    def _wish_to_see_through(self, is_see_through: bool) -> None:
-        self._wishes.put(lambda: self._scene.see_through(is_see_through))
-
-    def _run(self) -> None:
+    async def _run(self) -> None:
         frame, last = 0, time.monotonic()
-        while not self._stopping.wait(max(0.0, last + PERIOD - time.monotonic())):
+        due = last
+        while True:
+            due = max(due + PERIOD, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
             now = time.monotonic()
             elapsed, last = now - last, now
-            if not self._server.get_clients():
-                continue  # viser would keep every message for the clients to come
-            while not self._wishes.empty():
-                self._wishes.get()()
-            state = self._runner.latest
-            self._scene.draw(state.snapshot, elapsed)
-            if frame % FRAMES_PER_PANEL_UPDATE == 0:
-                self._panel.follow(state.snapshot.reference, state.driver)
+            if not len(self._audience):
+                continue
+            try:
+                self._show(frame, elapsed)
+            except Exception:
+                logger.exception("frame %d could not be drawn", frame)
             frame += 1
+
+    def _show(self, frame: int, elapsed: float) -> None:
+        state = self._runner.latest
+        self._scene.draw(state.snapshot, self._runner.parameters, elapsed)
+        self._audience.send(self._scene.stream)
+        if frame % FRAMES_PER_PANEL_UPDATE == 0:
+            self._panel.follow(state)
 
 
 def _server(label: str) -> viser.ViserServer:

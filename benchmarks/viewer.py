@@ -1,0 +1,178 @@
+"""What a drawn frame costs the server: its own work by part, bytes to each client, and what a new client waits.
+
+A recorded walk takes the place of the control loop, so that all that this process does is draw and send. The
+clients are processes of their own that read viser's stream as a browser does.
+
+    python benchmarks/viewer.py --clients 1 5 --seconds 20
+"""
+
+import argparse
+import asyncio
+import json
+import multiprocessing
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+import viser
+import zstandard
+from websockets.asyncio.client import connect
+
+from app.pace import Pace
+from app.runner import LiveState
+from app.viewer import Viewer
+from app.viewer.audience import Audience
+from app.viewer.scene import Scene
+from app.viewer.viewer import PERIOD
+from walkcore import Command, Parameters, Reference, Simulation, load_robot
+
+WALK_SECONDS = 8.0
+HEADER = 16  # bytes before the compressed part of a message of viser
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (-2.4, 1.7, 1.5),
+    "fov": 0.7,
+    "near": 0.1,
+    "far": 100.0,
+    "image_height": 800,
+    "image_width": 1280,
+    "look_at": (0.0, 0.0, 0.8),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+
+
+class Replay:
+    """In place of the runner: a walk that was recorded before, over and over."""
+
+    def __init__(self) -> None:
+        self.robot, self.parameters = load_robot("talos"), Parameters(dynamic_filter=True)
+        simulation = Simulation(self.robot, self.parameters)
+        reference = Reference(vx=0.25, yaw_rate=0.1)
+        nb_ticks = round(WALK_SECONDS / self.parameters.control_period)
+        self._snapshots = [simulation.step(Command(reference)) for _ in range(nb_ticks)]
+        self._first = LiveState(self._snapshots[0], Pace(self.parameters.control_period).timing, True, "rest")
+
+    @property
+    def latest(self) -> LiveState:
+        """The snapshot of this moment."""
+        tick = int(time.monotonic() / self.parameters.control_period)
+        return replace(self._first, snapshot=self._snapshots[tick % len(self._snapshots)])
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_, **__: None  # nobody drives
+
+
+def read_as_browser(port: int, seconds: float, results: "multiprocessing.Queue[dict[str, float]]") -> None:
+    """Connect, read for some time, and tell how that went."""
+    results.put(asyncio.run(_read(port, seconds)))
+
+
+async def _read(port: int, seconds: float) -> dict[str, float]:
+    started = time.perf_counter()
+    protocols: Any = [f"viser-v{viser.__version__}"]
+    joined = joined_bytes = nb_bytes = nb_frames = 0.0
+    last, longest = None, 0.0
+    async with connect(f"ws://127.0.0.1:{port}", subprotocols=protocols, compression=None, max_size=None) as socket:
+        await socket.send(msgspec.msgpack.encode(CAMERA))
+        while (now := time.perf_counter() - started) < seconds:
+            try:
+                message = await asyncio.wait_for(socket.recv(decode=False), 0.5)
+            except TimeoutError:
+                continue
+            if not joined:
+                joined_bytes += len(message)
+                if any(part["type"] == "ReplayDoneMessage" for part in _parts(message)):
+                    joined = time.perf_counter() - started
+                continue
+            nb_bytes, nb_frames = nb_bytes + len(message), nb_frames + 1
+            longest, last = max(longest, now - (last or now)), now
+    return {
+        "join_ms": 1e3 * joined,
+        "join_kB": joined_bytes / 1e3,
+        "kB_per_s": nb_bytes / 1e3 / (seconds - joined),
+        "messages_per_s": nb_frames / (seconds - joined),
+        "longest_gap_ms": 1e3 * longest,
+    }
+
+
+def _parts(message: bytes) -> Iterator[dict[str, Any]]:
+    size = int.from_bytes(message[8:HEADER], "little")
+    content = zstandard.ZstdDecompressor().decompress(message[HEADER : HEADER + size])
+    yield from msgspec.msgpack.decode(content)["messages"]
+
+
+def time_parts(scene: Scene, audience: Audience) -> dict[str, float]:
+    """Let the drawings of a scene and the sending count the processor time that it takes [s]."""
+    spent: dict[str, float] = defaultdict(float)
+
+    def timed(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        def count(*args: Any) -> Any:
+            started = time.thread_time()
+            try:
+                return call(*args)
+            finally:
+                spent[name] += time.thread_time() - started
+
+        return count
+
+    for name, part in vars(scene).items():
+        if type(part).__module__.startswith("app.viewer") and hasattr(part, "update"):
+            part.update = timed(name.strip("_"), part.update)
+    audience.send = timed("sending", audience.send)
+    scene.draw = timed("all drawing", scene.draw)
+    return spent
+
+
+def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: float) -> dict[str, Any]:
+    """Stream to some clients for some time, then let one more join."""
+    context = multiprocessing.get_context("spawn")
+    results: multiprocessing.Queue[dict[str, float]] = context.Queue()
+    spans = [seconds + 4.0] * nb_clients
+    clients = [context.Process(target=read_as_browser, args=(viewer.port, span, results)) for span in spans]
+    for client in clients:
+        client.start()
+    while len(viewer._server.get_clients()) < nb_clients:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    buffer = viewer._server._websock_server._broadcast_buffer
+    spent.clear()
+    ids, cpu, wall = buffer.message_counter, time.process_time(), time.monotonic()
+    time.sleep(seconds / 2)
+    late = context.Process(target=read_as_browser, args=(viewer.port, seconds / 2, results))
+    cpu, elapsed = time.process_time() - cpu, time.monotonic() - wall
+    frames = elapsed / PERIOD
+    parts = {name: 1e3 * value / frames for name, value in spent.items()}
+    late.start()
+    outcomes = [results.get() for _ in range(nb_clients + 1)]
+    for client in (*clients, late):
+        client.join()
+    return {
+        "clients": nb_clients,
+        "ms_per_frame": 1e3 * cpu / frames,
+        "parts_ms": parts,
+        "ids_per_s": (buffer.message_counter - ids) / (time.monotonic() - wall),
+        **{key: float(np.max([outcome[key] for outcome in outcomes])) for key in outcomes[0]},
+    }
+
+
+def main() -> None:
+    """Measure for each number of clients."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--clients", type=int, nargs="+", default=[1, 5])
+    parser.add_argument("--seconds", type=float, default=20.0)
+    arguments = parser.parse_args()
+    viewer = Viewer(Replay())  # pyright: ignore[reportArgumentType]
+    spent = time_parts(viewer._scene, viewer._audience)
+    viewer.start()
+    for nb_clients in arguments.clients:
+        print(json.dumps(measure(viewer, spent, nb_clients, arguments.seconds), indent=1), flush=True)
+    viewer.stop()
+
+
+if __name__ == "__main__":
+    main()

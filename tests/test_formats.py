@@ -1,0 +1,143 @@
+import io
+import json
+import math
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import polars
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+from app.formats import FORMATS, write_run
+from app.formats.units import unit
+from walkcore import record
+from walkcore.recording import Recording
+from walkcore.replay import replayed
+from walkcore.scenario import scenario_from_mapping
+
+EVENTS = [
+    {"t": 0.1, "reference": {"vx": 0.2, "yaw_rate": 0.1}},
+    {"t": 1.0, "push": {"impulse": [0.0, 3.0]}},
+    {"t": 1.2, "parameters": {"alpha": 1e-5}},
+]
+
+
+@pytest.fixture(scope="module", params=["hrp2", "talos"])
+def recording(request) -> Recording:
+    parameters = {"control_period": 0.02, "initial_double_support_duration": 0.3}
+    return record(
+        scenario_from_mapping(
+            {"name": "short", "robot": request.param, "duration": 1.6, "parameters": parameters, "events": EVENTS}
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(recording, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    write_run(recording, folder, tuple(FORMATS))
+    return folder
+
+
+def test_the_same_recording_gives_the_same_bytes(recording, folder, tmp_path):
+    for ending in FORMATS:
+        FORMATS[ending].write(recording, tmp_path / ending)
+        assert (tmp_path / ending).read_bytes() == (folder / FORMATS[ending].file).read_bytes(), ending
+
+
+def test_parquet_reads_back(recording, folder):
+    table = polars.read_parquet(folder / "recording.parquet")
+    assert tuple(table.columns) == recording.columns
+    assert np.array_equal(table.to_numpy(), recording.rows, equal_nan=True)
+    assert table["tick"].dtype == polars.Int64
+    schema = pq.read_schema(folder / "recording.parquet")
+    assert json.loads(schema.metadata[b"walk.run.json"]) == json.loads((folder / "run.json").read_text())
+    assert schema.field("com_vx").metadata[b"unit"] == b"m/s"
+
+
+def test_every_column_has_a_unit(recording):
+    units = {name: unit(name) for name in recording.columns}
+    assert units["jerk_x"] == "m/s^3" and units["foothold2_yaw"] == "rad" and units["com_offset_x"] == "m"
+    assert units["true_cop_y"] == "m" and units["reference_vy"] == "m/s" and units["status"] == ""
+
+
+def messages_of(folder):
+    """Topic, name of the schema, time [ns] and content of every message."""
+    found = []
+    for schema, channel, message in make_reader(io.BytesIO((folder / "recording.mcap").read_bytes())).iter_messages():
+        assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
+        content = json.loads(message.data)
+        found.append((channel.topic, schema.name, message.log_time, content, json.loads(schema.data)))
+    return found
+
+
+def test_mcap_holds_every_row_and_run_json(recording, folder):
+    rows = [content for topic, *_, content, _ in messages_of(folder) if topic == "/walk/row"]
+    assert tuple(rows[0]) == recording.columns
+    values = np.array([[math.nan if value is None else value for value in row.values()] for row in rows])
+    assert np.array_equal(values, recording.rows, equal_nan=True)
+    reader = make_reader(io.BytesIO((folder / "recording.mcap").read_bytes()))
+    attached = {a.name: a.data for a in reader.iter_attachments()}
+    assert attached["run.json"] == (folder / "run.json").read_bytes()
+
+
+def test_mcap_messages_fit_their_schemas_and_foxglove_knows_their_names(recording, folder):
+    has_body = recording.scenario.robot.body is not None
+    kinds = {}
+    for topic, name, _, content, schema in messages_of(folder):
+        if topic not in kinds or len(content.get("entities", ())) > 0:
+            jsonschema.validate(content, schema)
+        kinds[topic] = name
+    expected = {
+        "/walk/row": "walk.Row",
+        "/tf": "foxglove.FrameTransforms",
+        "/walk/scene": "foxglove.SceneUpdate",
+        "/walk/footholds": "foxglove.PosesInFrame",
+        "/walk/com": "foxglove.PoseInFrame",
+        "/walk/cop": "foxglove.PoseInFrame",
+    }
+    if has_body:
+        expected |= {"/walk/true_cop": "foxglove.PoseInFrame", "/walk/joints": "foxglove.JointStates"}
+    assert kinds == expected
+
+
+def test_mcap_puts_the_links_where_the_soles_are(recording, folder):
+    body = recording.scenario.robot.body
+    if body is None:
+        pytest.skip("no links")
+    frames = [(at, content["transforms"]) for topic, _, at, content, _ in messages_of(folder) if topic == "/tf"]
+    at, transforms = frames[-1]
+    k = round(at * 1e-9 / 0.02)
+    where = {t["child_frame_id"]: t["translation"] for t in transforms}
+    for foot in ("left", "right"):
+        link = where[f"leg_{foot}_6_link"]  # 10.7 cm above the sole of Talos
+        sole = [recording[f"{foot}_{axis}"][k] for axis in "xyz"]
+        assert [link["x"], link["y"], link["z"] - 0.107] == pytest.approx(sole, abs=1e-3)
+    assert where["com"]["x"] == recording["com_x"][k]
+
+
+def test_the_push_is_seen_in_the_scene(folder):
+    scenes = [(at, content) for topic, _, at, content, _ in messages_of(folder) if topic == "/walk/scene"]
+    arrows = {at: e["arrows"] for at, content in scenes for e in content["entities"] if e["id"] == "push"}
+    seen = [at * 1e-9 for at, arrow in arrows.items() if arrow]
+    assert 1.0 <= min(seen) <= 1.05 and 1.4 < max(seen) < 1.6
+
+
+def test_snapshots_of_a_recording_are_those_it_was_made_of(recording):
+    again = list(replayed(recording, every=7))
+    assert [s.tick for s in again] == list(range(0, 80, 7))
+    for s in again:
+        k = s.tick
+        assert s.com.velocity[0] == recording["com_vx"][k] and s.right_foot.yaw == recording["right_yaw"][k]
+        assert (s.q is None) == (recording.scenario.robot.body is None)
+        assert [f.side for f in s.plan.footholds] == [s.support.side.other, s.support.side][: len(s.plan.footholds)]
+        if k + 1 < len(recording.rows):  # no push there
+            assert s.plan.com[0, 0] == pytest.approx(recording["com_x"][k + 1], abs=1e-12)
+
+
+def test_the_replay_is_one_page_that_holds_everything(folder):
+    page = (folder / "recording.html").read_text()
+    assert len(page) < 15e6
+    assert "__VISER_EMBED_DATA__" in page

@@ -1,0 +1,60 @@
+"""A walk that was driven live, as a scenario: replayed, it decides the same, tick for tick."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from walkcore.command import Command, Push, Reference
+from walkcore.parameters import Parameters
+from walkcore.state import SimulationState
+
+
+def session_scenario(
+    name: str,
+    robot: str,
+    parameters: Parameters,
+    state: SimulationState,
+    commands: Sequence[Command],
+    changes: Mapping[int, Parameters],
+) -> dict[str, Any]:
+    """The mapping of a scenario, for `scenario_from_mapping`.
+
+    Args:
+        name: of the scenario.
+        robot: name of one that ships.
+        parameters: in force before the first command.
+        state: before the first command.
+        commands: one a tick.
+        changes: parameters that came into force just before a command, by its index.
+    """
+    events: list[dict[str, Any]] = []
+    asked, in_force = Reference(), parameters
+    for index, command in enumerate(commands):
+        event: dict[str, Any] = {}
+        if index in changes:
+            event["parameters"] = _difference(in_force, changes[index])
+            in_force = changes[index]
+        if command.reference != asked:
+            asked = command.reference
+            event["reference"] = {"vx": asked.vx, "vy": asked.vy, "yaw_rate": asked.yaw_rate}
+        if command.push is not None:
+            event["push"] = _push(command.push)
+        if event:
+            events.append({"t": index * parameters.control_period} | event)
+    return {
+        "name": name,
+        "robot": robot,
+        "duration": len(commands) * parameters.control_period,
+        "parameters": _difference(Parameters(), parameters),
+        "initial_state": state.to_mapping(),
+        "events": events,
+    }
+
+
+def _difference(before: Parameters, after: Parameters) -> dict[str, Any]:
+    """What `after` has another value for."""
+    old = before.to_mapping()
+    return {name: value for name, value in after.to_mapping().items() if value != old[name]}
+
+
+def _push(push: Push) -> dict[str, Any]:
+    return {"impulse": push.impulse.tolist(), "duration": push.duration, "frame": push.frame}

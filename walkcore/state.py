@@ -1,0 +1,189 @@
+"""All that a walk remembers from one tick to the next: a value that can be kept, sent, and walked on from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+from walkcore.dynamic_filter import Offset
+from walkcore.errors import InvalidValueError
+from walkcore.gait import Gait, Side
+from walkcore.lipm import CoMState
+from walkcore.parameters import Parameters
+from walkcore.robot import Robot
+from walkcore.swing_foot import FootState
+from walkcore.values import Vector, check_keys, check_mapping, check_range, check_vector, check_whole, read_only
+from walkcore.whole_body import configuration_size
+
+MAX_TICK = 10**9
+FARTHEST = 1e5  # [m] from the origin
+HIGHEST = 1.0  # [m] of a foot in the air
+MAX_PUSHES = 1000  # under way at once
+QUATERNION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PushUnderWay:
+    """What is left of a push."""
+
+    impulse_per_tick: Vector
+    """World frame [N s], shape (2,)."""
+    ticks_left: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "impulse_per_tick", read_only(self.impulse_per_tick, shape=(2,)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulationState:
+    """Between two ticks: with the robot, the parameters and the commands to come, it decides all that follows."""
+
+    tick: int
+    """The coming one."""
+    gait: Gait
+    left_foot: FootState
+    right_foot: FootState
+    com: CoMState
+    pushes: tuple[PushUnderWay, ...]
+    why_fallen: str
+    """Empty while the robot is on its feet."""
+    com_offset: Offset
+    """From the model's CoM to the body's."""
+    q: Vector | None
+    """Configuration at the coming tick, in Pinocchio's order, shape (nq,); None for a robot without a body."""
+    q_before: Vector | None
+    """One tick earlier, shape (nq,)."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain values, from which `state_from_mapping` makes the same state to the last bit."""
+        return {
+            "tick": self.tick,
+            "gait": {
+                "first_support": self.gait.first_support.name.lower(),
+                "start": None if self.gait.start is None else int(self.gait.start),
+                "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
+            },
+            "com": _plain(self.com, COM),
+            "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
+            "right_foot": _plain(self.right_foot, FOOT) | {"height": float(self.right_foot.height)},
+            "pushes": [
+                {"impulse_per_tick": push.impulse_per_tick.tolist(), "ticks_left": push.ticks_left}
+                for push in self.pushes
+            ],
+            "why_fallen": self.why_fallen,
+            "com_offset": _plain(self.com_offset, OFFSET),
+            "q": None if self.q is None else self.q.tolist(),
+            "q_before": None if self.q_before is None else self.q_before.tolist(),
+        }
+
+
+# The vectors of each part: how many numbers, and how large they may be.
+COM = {"position": (2, FARTHEST), "velocity": (2, 1e3), "acceleration": (2, 1e4)}
+FOOT = {"pose": (3, FARTHEST), "velocity": (3, 1e3), "acceleration": (3, 1e5)}
+OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}
+
+
+def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> SimulationState:
+    """A state from the plain values of `SimulationState.to_mapping`.
+
+    Args:
+        data: as YAML or JSON gives it.
+        robot: whose state it is.
+        parameters: in force at that tick.
+
+    Raises:
+        InvalidValueError: naming the field, its value and its limit.
+    """
+    values = _complete("initial_state", data, KEYS)
+    tick = check_whole("initial_state.tick", values["tick"], 0, MAX_TICK)
+    if not isinstance(values["why_fallen"], str):
+        raise InvalidValueError("initial_state.why_fallen", values["why_fallen"], "must be text")
+    return SimulationState(
+        tick=tick,
+        gait=_gait(values["gait"], tick, parameters),
+        left_foot=_foot("initial_state.left_foot", values["left_foot"]),
+        right_foot=_foot("initial_state.right_foot", values["right_foot"]),
+        com=CoMState(**_vectors("initial_state.com", values["com"], COM)),
+        pushes=_pushes(values["pushes"], robot),
+        why_fallen=values["why_fallen"],
+        com_offset=Offset(**_vectors("initial_state.com_offset", values["com_offset"], OFFSET)),
+        q=_configuration("initial_state.q", values["q"], robot),
+        q_before=_configuration("initial_state.q_before", values["q_before"], robot),
+    )
+
+
+KEYS = (
+    *("tick", "gait", "left_foot", "right_foot", "com", "pushes"),
+    *("why_fallen", "com_offset", "q", "q_before"),
+)
+
+
+def _plain(part: CoMState | FootState | Offset, vectors: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: getattr(part, name).tolist() for name in vectors}
+
+
+def _complete(where: str, data: Any, keys: tuple[str, ...]) -> dict[str, Any]:
+    """A mapping that has all of the keys and no other."""
+    values = check_mapping(where, data)
+    check_keys(where, values, set(keys))
+    for key in keys:
+        if key not in values:
+            raise InvalidValueError(f"{where}.{key}", None, "is missing")
+    return values
+
+
+def _vectors(where: str, data: Any, vectors: Mapping[str, tuple[int, float]]) -> dict[str, Vector]:
+    values = _complete(where, data, tuple(vectors))
+    return {
+        name: check_vector(f"{where}.{name}", values[name], size, -limit, limit)
+        for name, (size, limit) in vectors.items()
+    }
+
+
+def _foot(where: str, data: Any) -> FootState:
+    values = _complete(where, data, (*FOOT, "height"))
+    height = check_range(f"{where}.height", values.pop("height"), 0.0, HIGHEST)
+    return FootState(**_vectors(where, values, FOOT), height=height)
+
+
+def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
+    where = "initial_state.gait"
+    values = _complete(where, data, ("first_support", "start", "nb_steps"))
+    sides = {side.name.lower(): side for side in Side}
+    side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
+    if side not in ("left", "right"):
+        raise InvalidValueError(f"{where}.first_support", side, "must be 'left' or 'right'")
+    if start is not None:
+        check_whole(f"{where}.start", start, 0, MAX_TICK)
+    if nb_steps is not None:
+        check_whole(f"{where}.nb_steps", nb_steps, 1, MAX_TICK)
+    if nb_steps is not None and start is None:
+        raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
+    gait = Gait(parameters, sides[side], start, nb_steps)
+    if gait.has_ended(tick):
+        raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
+    return gait
+
+
+def _pushes(data: Any, robot: Robot) -> tuple[PushUnderWay, ...]:
+    where = "initial_state.pushes"
+    if not isinstance(data, list) or len(cast(list[Any], data)) > MAX_PUSHES:
+        raise InvalidValueError(where, cast(object, data), f"must be a list of at most {MAX_PUSHES}")
+    pushes: list[PushUnderWay] = []
+    for i, item in enumerate(cast(list[Any], data)):
+        values = _complete(f"{where}[{i}]", item, ("impulse_per_tick", "ticks_left"))
+        limit = robot.max_push
+        impulse = check_vector(f"{where}[{i}].impulse_per_tick", values["impulse_per_tick"], 2, -limit, limit)
+        ticks_left = check_whole(f"{where}[{i}].ticks_left", values["ticks_left"], 1, MAX_TICK)
+        pushes.append(PushUnderWay(impulse, ticks_left))
+    return tuple(pushes)
+
+
+def _configuration(where: str, data: Any, robot: Robot) -> Vector | None:
+    if robot.body is None:
+        if data is not None:
+            raise InvalidValueError(where, data, f"must be null: {robot.name} has no body")
+        return None
+    q = check_vector(where, data, configuration_size(robot.body), -FARTHEST, FARTHEST)
+    if abs(float(q[3:7] @ q[3:7]) - 1.0) > QUATERNION_TOLERANCE:
+        raise InvalidValueError(f"{where}[3:7]", q[3:7].tolist(), "must be a unit quaternion")
+    return q

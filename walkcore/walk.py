@@ -1,0 +1,92 @@
+"""A walk as its columns tell it: what metrics are computed from, be it fresh or read from a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from walkcore.values import Matrix, Vector
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyUse:
+    """How the whole body follows, tick by tick; NaN where it has fallen."""
+
+    joints: tuple[str, ...]
+    """Names, in Pinocchio's order."""
+    torque: Matrix
+    """Over the effort limits, shape (ticks, joints)."""
+    speed: Matrix
+    """Over the velocity limits, from each tick to the next, shape (ticks - 1, joints)."""
+    com_error: Vector
+    """From the CoM asked of the body to its own [m], shape (ticks,)."""
+    sole_error: Vector
+    """The same of the sole that is further off [m], shape (ticks,)."""
+
+
+class Walk(Protocol):
+    """Whatever has the columns of a recording."""
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """All that the QP used, at the first tick."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why the robot fell, if it did."""
+        ...
+
+    @property
+    def body_use(self) -> BodyUse | None:
+        """None for a robot without a body."""
+        ...
+
+    def __getitem__(self, column: str) -> Vector:
+        """One column, shape (ticks,)."""
+        ...
+
+
+def points(walk: Walk, name: str) -> Matrix:
+    """The columns `name`_x and `name`_y side by side, shape (ticks, 2)."""
+    return np.column_stack([walk[f"{name}_x"], walk[f"{name}_y"]])
+
+
+def heading(walk: Walk) -> Vector:
+    """Mean yaw of the feet [rad], shape (ticks,)."""
+    return (walk["left_yaw"] + walk["right_yaw"]) / 2
+
+
+def heading_velocity(walk: Walk) -> Matrix:
+    """Of the CoM, in the robot's heading frame [m/s], shape (ticks, 2)."""
+    v = np.column_stack([walk["com_vx"], walk["com_vy"]])
+    c, s = np.cos(heading(walk)), np.sin(heading(walk))
+    return np.column_stack([c * v[:, 0] + s * v[:, 1], c * v[:, 1] - s * v[:, 0]])
+
+
+def nb_ticks_of(walk: Walk, duration: float) -> int:
+    """Ticks that a duration [s] takes."""
+    return round(duration / float(walk.parameters["control_period"]))
+
+
+def touchdowns(walk: Walk) -> NDArray[np.intp]:
+    """Rows at which a foot has come to the ground."""
+    landed = [(walk[f"{foot}_z"][1:] == 0.0) & (walk[f"{foot}_z"][:-1] > 0.0) for foot in ("left", "right")]
+    return np.flatnonzero(landed[0] | landed[1]) + 1
+
+
+def push_rows(walk: Walk) -> list[tuple[int, int]]:
+    """First row of each push, and the row after its last: a push may last several ticks."""
+    given = np.concatenate([[False], (walk["push_x"] != 0.0) | (walk["push_y"] != 0.0), [False]])
+    edges = np.flatnonzero(np.diff(given.astype(int)))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
+
+
+def reference_changes(walk: Walk) -> NDArray[np.intp]:
+    """Rows at which the reference is not that of the row before."""
+    asked = np.column_stack([walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate")])
+    return np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
