@@ -1,6 +1,7 @@
 """Refusals in one shape: `{"detail": "...", "errors": [{"field", "value", "limit"}]}`."""
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
 
+MAX_ERRORS = 20  # of one body that are told
 MAX_SHOWN = 100  # characters of a refused value that are sent back
 BODIES = (
     "reference",
@@ -47,7 +49,7 @@ def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
         errors: as `ValidationError.errors()` gives them.
         outermost: how many of the first parts of a field's path to leave out.
     """
-    return [_field_error(error, outermost) for error in errors]
+    return [_field_error(error, outermost) for error in errors[:MAX_ERRORS]]
 
 
 def summary(errors: Sequence[FieldError]) -> str:
@@ -56,7 +58,7 @@ def summary(errors: Sequence[FieldError]) -> str:
 
 
 def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
-    path = ".".join(str(part) for part in error["loc"][outermost:])
+    path = _readable(".".join(str(part) for part in error["loc"][outermost:]))
     if error["type"] == "json_invalid":
         return FieldError(field="body", value=None, limit=f"is not JSON: {error.get('ctx', {}).get('error', '')}")
     if error["type"] == "missing":
@@ -71,7 +73,14 @@ def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
 def _shown(value: Any) -> Any:
     """A refused value as JSON can carry it: NaN, infinities and what is not a plain value as text, none long."""
     is_number = isinstance(value, (int, float)) and abs(value) < math.inf
-    return value if value is None or is_number else str(value)[:MAX_SHOWN]
+    # reprlib, as the text of a deeply nested value is more than Python can write
+    text = value if isinstance(value, str) else reprlib.repr(value)
+    return value if value is None or is_number else _readable(text)
+
+
+def _readable(text: str) -> str:
+    """Text of a stranger as JSON can carry it, not long."""
+    return text[:MAX_SHOWN].encode(errors="replace").decode()
 
 
 def _answer(

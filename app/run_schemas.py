@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from app.runs import FORMATS, Run
+from app.formats import FORMATS
+from app.runs import Run
 from app.runs.run import Status
 
 
@@ -25,7 +26,7 @@ class RunSummary(BaseModel):
     started: datetime | None
     ended: datetime | None
     size: int = Field(description="Of its files [bytes].")
-    files: dict[str, str] = Field(description="Address of each file of a run that is done, by its ending.")
+    files: dict[str, str] = Field(description="Address of each file of a run that was simulated to its end.")
 
 
 class RunBody(RunSummary):
@@ -59,8 +60,13 @@ def _summary(run: Run) -> dict[str, Any]:
         "started": _time(run.started),
         "ended": _time(run.ended),
         "size": run.size,
-        "files": {form.ending: f"{address(run.id)}/{form.file}" for form in FORMATS} if run.size else {},
+        "files": _files(run) if run.size else {},
     }
+
+
+def _files(run: Run) -> dict[str, str]:
+    names = {"json": "run.json"} | {form.ending: form.file for form in FORMATS.values()}
+    return {ending: f"{address(run.id)}/{name}" for ending, name in names.items()}
 
 
 def address(run_id: str) -> str:

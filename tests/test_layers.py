@@ -29,10 +29,11 @@ SERVER = """
     random_pushes last_push session
     control control_channel control_process control_link
     runner
-    hand runs
-    metrics palette outlines scenario_schema schemas run_schemas errors body_limit origin token settings
+    hand
+    metrics palette outlines scenario_schema schemas body_limit origin token settings
     viewer proxy
     formats
+    runs run_schemas errors
     page
     bench
     figures

@@ -3,29 +3,24 @@
 import asyncio
 import re
 from collections.abc import AsyncIterable
-from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from app.body_limit import MAX_BODY
+from app.formats import FORMATS
 from app.run_schemas import RunBody, RunSummary, address, run_body, run_summary
-from app.runs import FORMATS, Run, Runs
+from app.runs import Run, Runs
+from app.scenario_schema import ScenarioBody
 from app.schemas import ErrorBody
 
 EVENT_PERIOD = 0.2  # [s] between looks at a run that is followed
 
 UNKNOWN: dict[int | str, dict[str, Any]] = {404: {"model": ErrorBody, "description": "There is no such run."}}
 
-
-class Ending(StrEnum):
-    """Of a recording's file."""
-
-    NPZ = "npz"
-    CSV = "csv"
-
+Ending = Literal[tuple(FORMATS)]
 
 router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
 
@@ -59,9 +54,9 @@ KnownRun = Annotated[Run, Depends(_known)]
         },
     },
 )
-def submit(scenario: dict[str, Any], runs: AllRuns, response: Response) -> RunBody:
+def submit(scenario: ScenarioBody, runs: AllRuns, response: Response) -> RunBody:
     """Simulate a scenario, as `walk run` does with a file of the same content; answers at once."""
-    run = runs.submit(scenario)
+    run = runs.submit(scenario.source)
     response.headers["Location"] = address(run.id)
     return run_body(run)
 
@@ -111,8 +106,12 @@ NO_RECORDING = UNKNOWN | {409: {"model": ErrorBody, "description": "The run is n
 
 
 @router.get("/{run_id}/recording.{ending}", response_class=FileResponse, responses=NO_RECORDING)
-def recording(run: KnownRun, ending: Ending, runs: AllRuns) -> FileResponse:
-    """The recording: one row a tick, the same bytes as from `walk run`."""
+def recording(
+    run: KnownRun,
+    ending: Ending,  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
+    runs: AllRuns,
+) -> FileResponse:
+    """The recording, the same bytes as from `walk run`; other formats than npz and csv are made when first asked for."""
     return _download(run, f"recording.{ending}", runs)
 
 
@@ -124,8 +123,11 @@ def run_json(run: KnownRun, runs: AllRuns) -> FileResponse:
 
 def _download(run: Run, name: str, runs: Runs) -> FileResponse:
     """A file, under a name that tells the scenario."""
-    (form,) = (form for form in FORMATS if form.file == name)
+    media_type = next((form.media_type for form in FORMATS.values() if form.file == name), "application/json")
     stem = re.sub(r"[^\w.-]+", "-", run.name)[:60]
     return FileResponse(
-        runs.file(run.id, name), media_type=form.media_type, filename=f"{stem}-{run.id[:8]}.{form.ending}"
+        runs.file(run.id, name),
+        media_type=media_type,
+        filename=f"{stem}-{run.id[:8]}.{name.rpartition('.')[2]}",
+        headers={"Content-Security-Policy": "sandbox allow-scripts"},  # a replay is no page of ours
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from app.runs.run import Progress, Run
 from app.runs.store import RunStore
-from app.runs.worker import Job, Worker
+from app.runs.worker import Simulate, Worker
 
 logger = logging.getLogger(__name__)
 
@@ -91,7 +91,7 @@ class Pool:
             self._workers[run.id] = worker
         self._progress[run.id] = Progress()
         try:
-            job = Job(run.scenario, self._store.unfinished(run.id))
+            job = Simulate(run.scenario, self._store.unfinished(run.id))
             outcome = worker.run(job, lambda progress: self._progress.update({run.id: progress}))
             if self._is_stopping:
                 return

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from app.formats import FORMATS
+from app.runs.converter import Converter
 from app.runs.errors import NoRecordingError, RunsUnavailableError
 from app.runs.limits import Limits, checked_scenario
 from app.runs.pool import Pool
@@ -46,6 +48,7 @@ class Runs:
         self._store = self._open(folder)
         self._pool = Pool(self._store, nb_workers, on_end=self._trim)
         self._taking_in = threading.Lock()
+        self._converter = Converter()
 
     def start(self) -> None:
         """Begin with what is queued."""
@@ -53,6 +56,7 @@ class Runs:
 
     def stop(self) -> None:
         """End all processes. Runs under way are told as failed by the next server, queued ones taken up."""
+        self._converter.stop()
         self._pool.stop()
         self._store.close()
         if self._temporary is not None:
@@ -118,14 +122,19 @@ class Runs:
         return run
 
     def file(self, run_id: str, name: str) -> Path:
-        """A file of a run that is done, under a name of ours.
+        """A file of a run that was simulated to its end: run.json, or a recording, made now if need be.
 
         Raises:
             UnknownRunError: if there is no such run.
-            NoRecordingError: if the run has no files.
+            NoRecordingError: if the run has no files, or none of that name.
+            RunsUnavailableError: if too many are being made.
         """
         run = self._store.get(run_id)
         path = self._store.files(run.id) / name
+        ending = next((form.ending for form in FORMATS.values() if form.file == name), None)
+        if run.size and ending is not None and not path.is_file():
+            self._converter.make(path.parent, ending, name)
+            self._store.measure(run.id)
         if not path.is_file():
             raise NoRecordingError(f"run {run_id} is {run.status}: it has no {name}")
         return path

@@ -5,7 +5,7 @@
     unfinished/      what workers are writing; thrown away when a server starts
     lock             held by the server whose folder this is
 
-A row says `done` only after its folder has been moved, and is deleted before it: whatever
+A row tells of files only after their folder has been moved, and is deleted before it: whatever
 moment the server dies at, each row is told right by `recover`, and no folder is half there.
 """
 
@@ -135,9 +135,14 @@ class RunStore:
         return folder
 
     def finish(self, run_id: str, real_time_factor: float | None) -> bool:
-        """Keep the files of a run that was under way; False, and nothing kept, where it was cancelled meanwhile."""
+        """Keep the files of a run that was under way: done, or failed where it breaks what its scenario expects.
+
+        Returns:
+            False, and nothing is kept, where it was cancelled meanwhile.
+        """
         folder = self._unfinished / run_id
-        metrics = _finite(json.loads((folder / "run.json").read_text(encoding="utf-8"))["metrics"])
+        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        broken = [_broken(verdict) for verdict in told["expectations"] if not verdict["holds"]]
         size = sum(_sync(file) for file in folder.iterdir())
         with self._lock:
             if not self._is(run_id, "running"):
@@ -147,11 +152,12 @@ class RunStore:
             self._set(
                 "id = :id",
                 id=run_id,
-                status="done",
+                status="failed" if broken else "done",
+                reason="; ".join(broken),
                 ended=time.time(),
                 real_time_factor=real_time_factor,
                 size=size,
-                metrics=json.dumps(metrics),
+                metrics=json.dumps(_finite(told["metrics"])),
             )
             return True
 
@@ -184,8 +190,13 @@ class RunStore:
         """Throw away what was written of a run that has not been finished."""
         shutil.rmtree(self._unfinished / run_id, ignore_errors=True)
 
+    def measure(self, run_id: str) -> None:
+        """Look again how large its files are."""
+        size = sum(file.stat().st_size for file in self.files(run_id).iterdir())
+        self._set("id = :id", id=run_id, size=size)
+
     def files(self, run_id: str) -> Path:
-        """Where the files of a run that is done lie."""
+        """Where the files of a run that was simulated to its end lie."""
         return self._done / run_id
 
     def _is(self, run_id: str, status: str) -> bool:
@@ -219,7 +230,7 @@ def _sync(path: Path) -> int:
 
 
 def _run(row: sqlite3.Row) -> Run:
-    is_done = row["status"] == "done"
+    has_files = row["size"] > 0
     return Run(
         id=row["id"],
         scenario=json.loads(row["scenario"]),
@@ -230,10 +241,14 @@ def _run(row: sqlite3.Row) -> Run:
         created=row["created"],
         started=row["started"],
         ended=row["ended"],
-        progress=Progress(1.0 if is_done else 0.0, row["real_time_factor"]),
+        progress=Progress(1.0 if has_files else 0.0, row["real_time_factor"]),
         size=row["size"],
         metrics=json.loads(row["metrics"]) if row["metrics"] else None,
     )
+
+
+def _broken(verdict: Mapping[str, Any]) -> str:
+    return f"expected {verdict['name']}: {verdict['bound']}, measured {verdict['measured']}"
 
 
 def _finite(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A process of its own that simulates one scenario after the other, behind the live walk in precedence.
+"""A process of its own that does one job after the other, behind the live walk in precedence.
 
 It is started afresh (spawned), shares nothing with the server but a pipe, and ends when
 the server's end of the pipe is gone: at the latest at the next hundredth of the run.
@@ -13,8 +13,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+from app.formats import FORMATS
+from app.runs.read import read_recording
 from app.runs.run import Progress
 from walkcore import WalkError
 from walkcore.recording import record
@@ -24,12 +26,7 @@ NICENESS = 15  # of 19: what is left of the processor
 EXIT_TIMEOUT = 5.0  # [s] a killed process may take to be gone
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Job:
-    """A scenario to simulate, and where to write its recording."""
-
-    scenario: Mapping[str, Any]
-    folder: Path
+Tell = Callable[[Progress], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +34,53 @@ class Outcome:
     """How a job ended."""
 
     failure: str = ""
-    """Why there is no recording; empty where there is one."""
+    """Why its files are not there; empty where they are."""
     real_time_factor: float | None = None
+
+
+class Job(Protocol):
+    """Something to do in the other process: a plain value."""
+
+    def do(self, tell: Tell) -> Outcome:
+        """Do it there; what it raises is told as its failure."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulate:
+    """A scenario, and the folder for its recording."""
+
+    scenario: Mapping[str, Any]
+    folder: Path
+
+    def do(self, tell: Tell) -> Outcome:
+        """As `walk run` does."""
+        started = time.perf_counter()
+        scenario = scenario_from_mapping(self.scenario)
+
+        def factor(fraction: float) -> float:
+            return fraction * scenario.duration / (time.perf_counter() - started)
+
+        recording = record(scenario, lambda fraction: tell(Progress(fraction, factor(fraction))))
+        outcome = Outcome(real_time_factor=factor(1.0))
+        recording.write(self.folder)
+        return outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Convert:
+    """A recording that is written already, into one more format."""
+
+    folder: Path
+    ending: str
+
+    def do(self, tell: Tell) -> Outcome:
+        """Beside the others, in one piece."""
+        form = FORMATS[self.ending]
+        half = self.folder / f"half.{form.file}"
+        form.write(read_recording(self.folder), half)
+        half.rename(self.folder / form.file)
+        return Outcome()
 
 
 class Worker:
@@ -54,7 +96,7 @@ class Worker:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         theirs.close()  # so that the end of the process is the end of the pipe
 
-    def run(self, job: Job, on_progress: Callable[[Progress], None]) -> Outcome:
+    def run(self, job: Job, on_progress: Tell = lambda _: None) -> Outcome:
         """Have a job done; told as failed where the process ends under it."""
         try:
             self._connection.send(job)
@@ -85,19 +127,10 @@ def _work(connection: Connection) -> None:
             connection.send(_outcome(job, connection.send))
 
 
-def _outcome(job: Job, tell: Callable[[Progress], None]) -> Outcome:
-    started = time.perf_counter()
-
-    def factor(fraction: float) -> float:
-        return fraction * scenario.duration / (time.perf_counter() - started)
-
+def _outcome(job: Job, tell: Tell) -> Outcome:
     try:
-        scenario = scenario_from_mapping(job.scenario)
-        recording = record(scenario, lambda fraction: tell(Progress(fraction, factor(fraction))))
-        real_time_factor = factor(1.0)
-        recording.write(job.folder)
+        return job.do(tell)
     except WalkError as error:
         return Outcome(failure=str(error))
     except Exception as error:
         return Outcome(failure=f"{type(error).__name__}: {error}")
-    return Outcome(real_time_factor=real_time_factor)
