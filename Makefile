@@ -12,7 +12,7 @@ APT := $$([ "$$(id -u)" = 0 ] || echo sudo -n) env DEBIAN_FRONTEND=noninteractiv
 debian = { echo 'make: installing $(1) $(2)'; { $(APT) update -qq && $(APT) install -y -qq $(1); } >/dev/null 2>&1; } \
 	|| { echo 'make: $(1) is missing $(2); install it: apt-get install $(1)' >&2; exit 1; }
 
-.PHONY: run test check soak install browser lock
+.PHONY: run test check soak install browser lock image-check
 
 run: install
 	@exec $(BIN)/walk serve
@@ -48,6 +48,13 @@ browser:
 	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libatomic.so.1")' 2>/dev/null || $(call debian,libatomic1,for Playwright)
 	@for name in $(BROWSERS); do command -v $$name >/dev/null && exit 0; done; $(call debian,chromium,for the tests of the page)
 
+# One lock for everything; taken from it, what the container runs and what it is built with.
+LOCK := $(BIN)/uv pip compile --universal --generate-hashes --python-version 3.11 --quiet
 lock:
-	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --generate-hashes --python-version 3.11 \
-		--quiet --output-file requirements.lock
+	$(LOCK) pyproject.toml --extra dev --output-file requirements.lock
+	$(LOCK) pyproject.toml --constraint requirements.lock --output-file requirements-runtime.lock
+	$(LOCK) --group build --constraint requirements.lock --output-file requirements-build.lock
+
+# The Dockerfile, built and run where no container engine is: as root, with debootstrap and buildah.
+image-check:
+	sh deploy/check-image.sh

@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import logging
 import sys
 from dataclasses import dataclass, field
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -96,11 +97,27 @@ class Figures:
         make_figures(self.out, self.robots, self.formats, self.control_period, tell=print)
 
 
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Measure what a tick costs: by stage, by solver, and against real time."""
+
+    json: bool = False
+    """Print JSON."""
+
+    def __call__(self) -> None:
+        """Measure and print."""
+        from app.bench import bench, table  # the other commands need none of the solvers it compares
+
+        result = bench(tell=lambda what: print(f"measuring {what} ...", file=sys.stderr))
+        print(dumps(result.to_mapping(), indent=2) if self.json else table(result), end="\n" if self.json else "")
+
+
 SubCommand = (
     Annotated[Serve, tyro.conf.subcommand("serve")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
     | Annotated[Robots, tyro.conf.subcommand("robots")]

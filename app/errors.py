@@ -1,7 +1,8 @@
 """Refusals in one shape: `{"detail": "...", "errors": [{"field", "value", "limit"}]}`."""
 
 import math
-from collections.abc import Sequence
+import reprlib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -10,11 +11,21 @@ from fastapi.responses import JSONResponse
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
-from app.runner import NotPausedError
+from app.runner import NoAnswerError, NothingToSaveError, NotPausedError
+from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError
 
+MAX_ERRORS = 20  # of one body that are told
 MAX_SHOWN = 100  # characters of a refused value that are sent back
+BODIES = (
+    "reference",
+    "push",
+    "parameters",
+    "scenario",
+    "speed",
+    "random_pushes",
+)  # what the core calls what here is the body
 
 
 def install(app: FastAPI) -> None:
@@ -24,6 +35,11 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(InvalidValueError, _refuse_value)
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
+    app.add_exception_handler(NothingToSaveError, _refuse_now)
+    app.add_exception_handler(NoAnswerError, _cannot_answer)
+    app.add_exception_handler(NoRecordingError, _refuse_now)
+    app.add_exception_handler(UnknownRunError, _refuse_unknown)
+    app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
 
 
 def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
@@ -33,7 +49,7 @@ def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
         errors: as `ValidationError.errors()` gives them.
         outermost: how many of the first parts of a field's path to leave out.
     """
-    return [_field_error(error, outermost) for error in errors]
+    return [_field_error(error, outermost) for error in errors[:MAX_ERRORS]]
 
 
 def summary(errors: Sequence[FieldError]) -> str:
@@ -42,7 +58,7 @@ def summary(errors: Sequence[FieldError]) -> str:
 
 
 def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
-    path = ".".join(str(part) for part in error["loc"][outermost:])
+    path = _readable(".".join(str(part) for part in error["loc"][outermost:]))
     if error["type"] == "json_invalid":
         return FieldError(field="body", value=None, limit=f"is not JSON: {error.get('ctx', {}).get('error', '')}")
     if error["type"] == "missing":
@@ -57,16 +73,27 @@ def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
 def _shown(value: Any) -> Any:
     """A refused value as JSON can carry it: NaN, infinities and what is not a plain value as text, none long."""
     is_number = isinstance(value, (int, float)) and abs(value) < math.inf
-    return value if value is None or is_number else str(value)[:MAX_SHOWN]
+    # reprlib, as the text of a deeply nested value is more than Python can write
+    text = value if isinstance(value, str) else reprlib.repr(value)
+    return value if value is None or is_number else _readable(text)
 
 
-def _answer(status: int, detail: str, errors: Sequence[FieldError] = ()) -> JSONResponse:
-    return JSONResponse(ErrorBody(detail=detail, errors=list(errors)).model_dump(), status_code=status)
+def _readable(text: str) -> str:
+    """Text of a stranger as JSON can carry it, not long."""
+    return text[:MAX_SHOWN].encode(errors="replace").decode()
+
+
+def _answer(
+    status: int, detail: str, errors: Sequence[FieldError] = (), headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    return JSONResponse(ErrorBody(detail=detail, errors=list(errors)).model_dump(), status, headers)
 
 
 async def _refuse_request(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
-    return _answer(error.status_code, error.detail)
+    if error.status_code == 400:  # only from FastAPI, for JSON that no parser can take: nested or digits beyond limit
+        return _answer(422, error.detail, [FieldError(field="body", value=None, limit="is not JSON that can be read")])
+    return _answer(error.status_code, error.detail, headers=error.headers)
 
 
 async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
@@ -77,14 +104,28 @@ async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
 
 async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, InvalidValueError)
-    # The core says reference.vx; here the body is the reference.
-    field = error.field.partition(".")[2] or error.field
+    # The core says reference.vx; here the body is the reference. Of events[0].reference.vx all is needed.
+    whole = error.field.partition(".")[0]
+    field = error.field.removeprefix(f"{whole}.") if whole in BODIES else error.field
     errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
     return _answer(422, summary(errors), errors)
 
 
 async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
     return _answer(422, str(error))
+
+
+async def _cannot_answer(_: Request, error: Exception) -> JSONResponse:
+    return _answer(503, str(error))
+
+
+async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:
+    return _answer(404, str(error))
+
+
+async def _refuse_for_a_while(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RunsUnavailableError)
+    return _answer(503, str(error), headers={"Retry-After": str(error.retry_after)})
 
 
 async def _refuse_now(_: Request, error: Exception) -> JSONResponse:

@@ -1,12 +1,15 @@
 """The rate of the ticks: when the next one is due, and how well the last ones kept up."""
 
 import time
+from bisect import bisect_left
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 MAX_LATENESS = 0.05  # [s] caught up with at most; beyond it the schedule moves and simulated time slows
 FACTOR_WINDOW = 5.0  # [s] over which the real-time factor is taken
-SMOOTHING = 0.02  # weight of the latest tick in the smoothed mean
+SMOOTHING = 0.02  # weight of the latest tick in the smoothed means
+LATENESS_EDGES = (0.001, 0.005, 0.05)  # [s] of the counts of late ticks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,50 +19,98 @@ class Timing:
     tick_ms: float
     """Smoothed mean of a tick's computation [ms]."""
     tick_ms_max: float
-    """Largest of the last second [ms]."""
+    """Largest of the last second of ticks [ms]."""
     misses: int
     """Ticks that started more than one period late."""
     real_time_factor: float
-    """Simulated over real time of the last seconds."""
+    """Simulated time of the last seconds over what the speed asks for: 1 where the walk keeps up."""
+    ticks: int
+    """Taken on schedule since the control process started; single ticks of a paused robot do not count."""
+    lateness: tuple[int, ...]
+    """How many started no later than the first of `LATENESS_EDGES`, between the first two, and so on."""
+    lateness_sum: float
+    """Of all of them [s]."""
+    lateness_max: float
+    """Of all of them [s]."""
+    stages: Mapping[str, float]
+    """Smoothed mean of each stage of a tick [ms]."""
+
+    def later_than(self, edge: float) -> int:
+        """Ticks that started later than one of `LATENESS_EDGES` [s]."""
+        return sum(self.lateness[LATENESS_EDGES.index(edge) + 1 :])
 
 
 class Pace:
-    """Sleeps from one tick to the next and measures them. Belongs to one thread."""
+    """Tells when ticks are due and measures them. Belongs to one thread."""
 
-    def __init__(self, period: float) -> None:
-        """Ticks come every `period` [s], the first one now."""
-        self._period = period
+    def __init__(self, period: float, clock: Callable[[], float] = time.perf_counter) -> None:
+        """Ticks of `period` [s] of simulated time, the first one due now by the clock [s]."""
+        self._period, self._clock = period, clock
         self._durations: deque[float] = deque([0.0], maxlen=max(1, round(1.0 / period)))
-        self._starts: deque[float] = deque(maxlen=round(FACTOR_WINDOW / period) + 1)
         self._mean = 0.0
-        self._misses = 0
+        self._stages: dict[str, float] = {}
+        self._ticks, self._misses = 0, 0
+        self._lateness = [0] * (len(LATENESS_EDGES) + 1)
+        self._lateness_sum = self._lateness_max = 0.0
+        self.real_t = 0.0
+        """Time that passed on the wall while the robot was running, since `forget_real_t` [s]."""
+        self.set_speed(1.0)
+
+    def set_speed(self, speed: float) -> None:
+        """Let simulated time pass so many times as fast as real time; the next tick is due now."""
+        self.speed = speed
+        self._interval = self._period / speed
+        self._starts: deque[float] = deque(maxlen=round(FACTOR_WINDOW / self._interval) + 1)
         self.restart()
 
     def restart(self) -> None:
         """The next tick is due now; what came before, such as a pause, does not count."""
-        self._due = time.perf_counter()
+        self._due = self._clock()
         self._starts.clear()
 
-    def wait(self) -> None:
-        """Sleep until the next tick is due, which no tick skips: far behind, the schedule moves."""
-        late = time.perf_counter() - self._due
-        if late < 0.0:
-            time.sleep(-late)
-        elif late > MAX_LATENESS:
-            self._due += late
-        if late > self._period:
-            self._misses += 1
-        self._due += self._period
-        self._starts.append(time.perf_counter())
+    def forget_real_t(self) -> None:
+        """Count the time on the wall from zero again."""
+        self.real_t = 0.0
 
-    def record(self, duration: float) -> None:
-        """Take note of a tick's computation [s]."""
+    @property
+    def time_left(self) -> float:
+        """Until the next tick is due [s]; negative where it is late."""
+        return self._due - self._clock()
+
+    def begin(self) -> None:
+        """A tick starts now. Far behind, the schedule moves; no tick is skipped."""
+        now = self._clock()
+        late = max(now - self._due, 0.0)
+        self._ticks += 1
+        self._lateness[bisect_left(LATENESS_EDGES, late)] += 1
+        self._lateness_sum += late
+        self._lateness_max = max(self._lateness_max, late)
+        self._misses += late > self._interval
+        self._due += self._interval + (late if late > MAX_LATENESS else 0.0)
+        if self._starts:
+            self.real_t += now - self._starts[-1]
+        self._starts.append(now)
+
+    def record(self, duration: float, stages: Mapping[str, float]) -> None:
+        """Take note of a tick's computation and its stages [s]."""
         self._mean += (duration - self._mean) * (SMOOTHING if self._mean else 1.0)
         self._durations.append(duration)
+        for stage in {**self._stages, **stages}:
+            now, mean = 1e3 * stages.get(stage, 0.0), self._stages.get(stage)
+            self._stages[stage] = now if mean is None else mean + (now - mean) * SMOOTHING
 
     @property
     def timing(self) -> Timing:
         """At this moment."""
         elapsed = self._starts[-1] - self._starts[0] if self._starts else 0.0
-        factor = (len(self._starts) - 1) * self._period / elapsed if elapsed > 0.0 else 1.0
-        return Timing(1e3 * self._mean, 1e3 * max(self._durations), self._misses, factor)
+        return Timing(
+            tick_ms=1e3 * self._mean,
+            tick_ms_max=1e3 * max(self._durations),
+            misses=self._misses,
+            real_time_factor=(len(self._starts) - 1) * self._interval / elapsed if elapsed > 0.0 else 1.0,
+            ticks=self._ticks,
+            lateness=tuple(self._lateness),
+            lateness_sum=self._lateness_sum,
+            lateness_max=self._lateness_max,
+            stages=dict(self._stages),
+        )

@@ -1,98 +1,83 @@
-"""The walk in real time: a thread that ticks the simulation, commands in, latest state out.
+"""The robot that walks in real time, as the server sees it: wishes in, latest state out.
 
-Nothing waits for the ticks and the ticks wait for nobody: the reference and the push
-are single places where the latest value wins, and what pauses, resumes, steps or resets
-is a wish that the thread grants between two ticks.
+The walk itself goes on in a process of its own, `app.control_process`. Nothing waits for its ticks
+and its ticks wait for nobody: state, reference and push are single places in shared memory where
+the latest value wins, and what pauses, resumes, steps or resets is a wish with an answer.
 """
 
-import logging
 import math
-import os
-import threading
+import random
 import time
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import partial
-from queue import Empty, SimpleQueue
+from dataclasses import replace
 from typing import Any
 
-from app.pace import Pace, Timing
-from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot, WalkError
+from app.control import NOBODY, Control, Drive, NothingToSaveError, NotPausedError
+from app.control_link import ControlLink, NoAnswerError
+from app.live_state import LiveState, RandomPushes
+from app.session import Session
+from walkcore import Parameters, Push, Reference, Robot, Snapshot
+from walkcore.values import check_range
 
-logger = logging.getLogger(__name__)
+__all__ = ["NOBODY", "LiveState", "NoAnswerError", "NotPausedError", "NothingToSaveError", "Runner"]
 
-WISH_TIMEOUT = 0.1  # [s] after which a paused robot looks whether it should stop
-
-
-class NotPausedError(Exception):
-    """Single ticks were asked of a robot that is running."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LiveState:
-    """What is known of the robot after its latest tick."""
-
-    snapshot: Snapshot
-    timing: Timing
-    running: bool
-    """Whether time passes; False while paused."""
-    driver: str
-    """Who gives the reference: "none", "joystick", "sliders" or "rest"; the last one touched."""
-    fault: str = ""
-    """The unexpected error that paused the robot, where one did."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Drive:
-    """A reference, whose it is, and when it ends."""
-
-    reference: Reference
-    driver: str
-    expires_at: float
-    """On `time.perf_counter` [s]."""
-
-
-NOBODY = _Drive(Reference(), "none", math.inf)
+SPEEDS = (0.1, 4.0)  # simulated over real time
+INTERVALS = (0.2, 60.0)  # [s] between random pushes
 
 
 class Runner:
-    """Keeps the tick rate. All methods may be called from any thread."""
+    """Drives the control process. All methods may be called from any thread.
+
+    Wishes are answered with the state that they lead to. They fail with `NoAnswerError` if the process is gone.
+    """
 
     def __init__(self, robot: Robot, parameters: Parameters) -> None:
-        """Put the robot at rest and take the first tick, so that there is a state to show.
-
-        Raises:
-            WalkError: if the robot cannot stand with these parameters.
-        """
-        self.robot, self.parameters = robot, parameters
-        self._simulation = Simulation(robot, parameters)
-        self._pace = Pace(parameters.control_period)
-        self._drive = NOBODY
-        self._pushes: deque[Push] = deque(maxlen=1)
-        self._wishes: SimpleQueue[tuple[Callable[[], None], Future[LiveState]]] = SimpleQueue()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="runner", daemon=True)
-        self._latest = LiveState(self._simulation.step(), self._pace.timing, True, NOBODY.driver)
+        """Begin to put the robot at rest. Whoever asks first how it is waits until it stands."""
+        self.robot, self.parameters, self.defaults = robot, parameters, parameters
+        self._link = ControlLink(robot, parameters)
+        self._before_restart: LiveState | None = None
+        self._drive, self._expires_at = NOBODY, math.inf
 
     @property
     def latest(self) -> LiveState:
-        """After the latest tick; a value that does not change."""
-        return self._latest
+        """After the latest tick; a value that does not change.
+
+        Raises:
+            WalkError: if the robot cannot stand with its parameters.
+        """
+        if self._before_restart is not None and not self._link.created.done():
+            return replace(self._before_restart, running=False, fault="the control process is starting again")
+        return self._link.latest
+
+    @property
+    def helm(self) -> tuple[str, str]:
+        """Driver and client of the reference given last, ("none", "") once it has expired."""
+        drive = self._drive if time.perf_counter() <= self._expires_at else NOBODY
+        return drive.driver, drive.client
+
+    @property
+    def process_id(self) -> int:
+        """Of the control process."""
+        return self._link.process_id
+
+    def wait(self) -> None:
+        """Until the robot stands.
+
+        Raises:
+            WalkError: if it cannot stand with its parameters.
+        """
+        self._link.created.result()
 
     def start(self) -> None:
         """Let time pass."""
-        self._thread.start()
+        self._link.wish(Control.start)
 
     def stop(self) -> None:
-        """End the thread."""
-        self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        """End the process."""
+        self._link.close()
 
-    def drive(self, reference: Reference, driver: str, expires_after: float | None = None) -> None:
+    def drive(self, reference: Reference, driver: str, expires_after: float | None = None, client: str = "") -> None:
         """Give the reference from the next tick on.
 
         Args:
@@ -101,13 +86,15 @@ class Runner:
             expires_after: without a new one for so long [s] it becomes zero; None holds it. This is time
                 on the wall, not simulated: it guards against a hand that has left or a lost connection,
                 and those do not slow down with the simulation.
+            client: which of several browsers gives it.
 
         Raises:
             InvalidValueError: if the reference is beyond a limit.
         """
         self.robot.check_reference(reference)
-        expires_at = math.inf if expires_after is None else time.perf_counter() + expires_after
-        self._drive = _Drive(reference, driver, expires_at)
+        lasts = math.inf if expires_after is None else expires_after
+        self._drive, self._expires_at = Drive(reference, driver, lasts, client), time.perf_counter() + lasts
+        self._link.drive(self._drive)
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick.
@@ -115,109 +102,80 @@ class Runner:
         Raises:
             InvalidValueError: if it is beyond a limit.
         """
-        self._pushes.append(self.robot.check_push(push))
+        self._link.push(self.robot.check_push(push))
 
     def pause(self) -> Future[LiveState]:
-        """Stop time. This and the following tell the state that they lead to."""
-        return self._wish(partial(self._set_running, False))
+        """Stop time."""
+        return self._link.wish(Control.pause)
 
     def resume(self) -> Future[LiveState]:
         """Let time pass again, after a fault too."""
-        return self._wish(partial(self._set_running, True))
+        return self._link.wish(Control.resume)
 
     def step(self, ticks: int) -> Future[LiveState]:
         """Take single ticks while paused, as fast as they can be computed; else fail with `NotPausedError`."""
-        return self._wish(partial(self._take_ticks, ticks))
+        return self._link.wish(Control.step, ticks)
 
-    def change(self, values: Mapping[str, Any]) -> Future[LiveState]:
+    def step_samples(self, samples: int) -> Future[LiveState]:
+        """Take the ticks up to the next sample of the gait's grid, or to the one so many samples on; as `step`."""
+        return self._link.wish(Control.step_samples, samples)
+
+    def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
         """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
-        return self._wish(partial(self._change, values))
+        return self._link.wish(Control.change, dict(values), then=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
-        """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        return self._wish(self._start_over)
+        """Put the robot back to rest at tick 0, with no reference and no push; time passes as before.
 
-    def _wish(self, action: Callable[[], None]) -> Future[LiveState]:
-        done: Future[LiveState] = Future()
-        self._wishes.put((action, done))
-        return done
-
-    def _run(self) -> None:
-        _take_precedence()
-        while not self._stopping.is_set():
-            self._grant_wishes()
-            if not self._latest.running:
-                continue
-            self._pace.wait()
-            try:
-                self._tick()
-            except Exception as error:
-                self._fail(error)
-
-    def _grant_wishes(self) -> None:
-        """Do all that was wished; while paused, wait for it."""
-        try:
-            while True:
-                is_paused = not self._latest.running
-                action, done = self._wishes.get(block=is_paused, timeout=WISH_TIMEOUT)
-                self._grant(action, done)
-        except Empty:
-            return
-
-    def _grant(self, action: Callable[[], None], done: Future[LiveState]) -> None:
-        if not done.set_running_or_notify_cancel():
-            return
-        try:
-            action()
-        except (NotPausedError, WalkError) as refusal:
-            done.set_exception(refusal)
-        except Exception as error:
-            self._fail(error)
-            done.set_result(self._latest)
-        else:
-            done.set_result(self._latest)
-
-    def _tick(self) -> None:
-        started = time.perf_counter()
-        drive = self._drive
-        if drive.expires_at < started:
-            drive = NOBODY
-        push = self._pushes.popleft() if self._pushes else None
-        snapshot = self._simulation.step(Command(drive.reference, push))
-        self._pace.record(time.perf_counter() - started)
-        self._latest = LiveState(snapshot, self._pace.timing, self._latest.running, drive.driver)
-
-    def _set_running(self, running: bool) -> None:
-        if running and not self._latest.running:
-            self._pace.restart()
-        self._latest = replace(self._latest, running=running, fault="" if running else self._latest.fault)
-
-    def _take_ticks(self, ticks: int) -> None:
-        if self._latest.running:
-            raise NotPausedError("the robot is running; pause it to take single ticks")
-        for _ in range(ticks):
-            if self._stopping.is_set():
-                return
-            self._tick()
-
-    def _change(self, values: Mapping[str, Any]) -> None:
-        self._simulation.change(self.parameters.changed(values))
-        self.parameters = self._simulation.parameters
-
-    def _start_over(self) -> None:
+        A control process that is gone is started again, and time passes.
+        """
         self._drive = NOBODY
-        self._pushes.clear()
-        self._simulation.reset()
-        self._tick()
+        if not self._link.end:
+            return self._link.wish(Control.reset)
+        self._before_restart = self._link.latest
+        self._link.close()
+        self._link = ControlLink(self.robot, self.parameters)
+        return self._link.wish(Control.start)
 
-    def _fail(self, error: Exception) -> None:
-        """An error that the core did not foresee: pause, and tell."""
-        logger.error("tick %d failed", self._latest.snapshot.tick + 1, exc_info=error)
-        self._latest = replace(self._latest, running=False, fault=f"{type(error).__name__}: {error}")
+    def set_speed(self, factor: float) -> Future[LiveState]:
+        """Let simulated time pass so many times as fast as real time.
 
+        Raises:
+            InvalidValueError: if the factor is beyond `SPEEDS`.
+        """
+        return self._link.wish(Control.set_speed, check_range("speed.factor", factor, *SPEEDS))
 
-def _take_precedence() -> None:
-    """Let this thread go before others of the machine, a browser's above all, where the system grants it."""
-    if hasattr(os, "sched_setscheduler"):
-        with suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))  # the thread that asks, not the process
+    def preview(self, push: Push) -> Future[Snapshot]:
+        """What the next tick would be if this push came now, all at once, without the body; the robot does not feel it.
+
+        Raises:
+            InvalidValueError: if it is beyond a limit.
+        """
+        return self._link.wish(Control.preview, self.robot.check_push(push))
+
+    def push_at_random(self, strength: float, interval: float, seed: int | None = None) -> Future[LiveState]:
+        """Let pushes come by themselves.
+
+        Args:
+            strength: of the strongest [N s]; none come if it is zero.
+            interval: mean time from one to the next [s].
+            seed: the same seed gives the same pushes; drawn if none is given.
+
+        Raises:
+            InvalidValueError: if one is beyond its limit.
+        """
+        check_range("random_pushes.strength", strength, 0.0, self.robot.max_push)
+        check_range("random_pushes.interval", interval, *INTERVALS)
+        seed = random.randrange(2**32) if seed is None else seed
+        return self._link.wish(Control.push_at_random, RandomPushes(strength, interval, seed) if strength else None)
+
+    def save(self, is_before_reset: bool = False) -> Future[Session]:
+        """What happened in the last minute since the last reset, or in that of the walk before it.
+
+        Fails with `NothingToSaveError` if there was none.
+        """
+        return self._link.wish(Control.save, is_before_reset, then=Session.unpacked)
+
+    def _take_parameters(self, parameters: Parameters) -> Parameters:
+        self.parameters = parameters
+        return parameters

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterable
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.outlines import foothold_regions, support_polygon
-from app.runner import LiveState
+from app.pace import LATENESS_EDGES, Timing
+from app.runner import INTERVALS, SPEEDS, LiveState
 from walkcore import Push, Reference, Robot, Snapshot
 from walkcore.recording import row
 
@@ -43,9 +45,39 @@ class PushBody(Body):
 
 
 class StepBody(Body):
-    """Single ticks of a paused robot."""
+    """Single ticks of a paused robot, or up to a sample of the gait's grid; one tick if nothing is said."""
 
-    ticks: int = Field(default=1, ge=1, le=1000)
+    ticks: int | None = Field(default=None, ge=1, le=1000)
+    samples: int | None = Field(default=None, ge=1, le=50, description="1 goes to the next sample, and so on.")
+
+    @model_validator(mode="after")
+    def _has_one(self) -> Self:
+        if self.ticks is not None and self.samples is not None:
+            raise ValueError("give ticks or samples, not both")
+        return self
+
+
+class SpeedBody(Body):
+    """How fast simulated time passes."""
+
+    factor: FiniteFloat = Field(ge=SPEEDS[0], le=SPEEDS[1], description="Simulated over real time.")
+
+
+class RandomPushesBody(Body):
+    """Pushes that come by themselves, from all sides."""
+
+    strength: FiniteFloat = Field(ge=0.0, description="Of the strongest [N s]; zero switches them off.")
+    interval: FiniteFloat = Field(
+        default=5.0, ge=INTERVALS[0], le=INTERVALS[1], description="Mean time from one to the next [s]."
+    )
+    seed: int | None = Field(default=None, ge=0, lt=2**32, description="The same seed gives the same pushes.")
+
+
+class SaveBody(Body):
+    """What to keep of the live robot."""
+
+    name: str = Field(default="", max_length=200, description="Of the run; the time of day if it is empty.")
+    before_reset: bool = Field(default=False, description="The walk before the last reset instead of the present one.")
 
 
 class TeleopMessage(Body):
@@ -53,6 +85,13 @@ class TeleopMessage(Body):
 
     reference: ReferenceBody | None = None
     push: PushBody | None = None
+    driver: Literal["joystick", "keyboard", "gamepad", "button"] = Field(default="joystick", description="In the hand.")
+    grip: int | None = Field(
+        default=None,
+        ge=0,
+        description="Grows each time the hand takes hold anew. A reference from an older grip than another hand's "
+        "is ignored while that one drives; without a number each message takes hold.",
+    )
 
 
 class FieldError(BaseModel):
@@ -99,11 +138,14 @@ class Health(BaseModel):
     version: str
     robot: str
     tick_rate: float = Field(description="Ticks per simulated second [Hz].")
-    real_time_factor: float = Field(description="Simulated over real time of the last seconds.")
+    speed: float = Field(description="Simulated over real time that is asked for.")
+    real_time_factor: float = Field(description="What is reached of that speed, over the last seconds.")
     tick_ms: float = Field(description="Smoothed mean of a tick's computation [ms].")
     tick_ms_max: float = Field(description="Largest of the last second [ms].")
     misses: int = Field(description="Ticks that started more than one period late.")
-    memory_mb: float = Field(description="Resident memory of the server [MB].")
+    late: dict[str, int] = Field(description="Ticks that started later than so many ms.")
+    control_process: int = Field(description="Process in which the ticks are taken.")
+    memory_mb: float = Field(description="Resident memory of the server and its control process [MB].")
     uptime: float = Field(description="[s]")
     clients: int = Field(description="Open streams of the live snapshot.")
 
@@ -122,24 +164,55 @@ def robot_body(robot: Robot) -> RobotBody:
 
 def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
     """The live snapshot: the columns of a recording, the plan, and how the walk keeps up. NaN becomes null."""
-    snapshot, timing = state.snapshot, state.timing
+    snapshot = state.snapshot
     return {name: value if math.isfinite(value) else None for name, value in row(snapshot).items()} | {
         "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
-        "plan": _plan_json(snapshot, robot),
-        "timing": {
-            "tick_ms": timing.tick_ms,
-            "tick_ms_max": timing.tick_ms_max,
-            "misses": timing.misses,
-            "real_time_factor": timing.real_time_factor,
-        },
+        "plan": plan_json(snapshot, robot),
+        "timing": _timing_json(state),
         "running": state.running,
+        "speed": state.speed,
+        "real_t": state.real_t,
         "driver": state.driver,
+        "driver_client": state.driver_client,
+        "last_push": None if state.last_push is None else asdict(state.last_push),
+        "random_pushes": None if state.random_pushes is None else asdict(state.random_pushes),
         "reason": snapshot.reason,
         "fault": state.fault,
     }
 
 
-def _plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+    """What a push would lead to."""
+    plan = snapshot.plan
+    return {
+        "status": snapshot.status.value,
+        "survives": plan is not None and plan.is_capturable,
+        "plan": plan_json(snapshot, robot),
+    }
+
+
+def late_json(timing: Timing) -> dict[str, int]:
+    """Ticks that started later than each edge, by the edge in ms."""
+    return {f"{1e3 * edge:g}": timing.later_than(edge) for edge in LATENESS_EDGES}
+
+
+def _timing_json(state: LiveState) -> dict[str, Any]:
+    timing = state.timing
+    return {
+        "tick_ms": timing.tick_ms,
+        "tick_ms_max": timing.tick_ms_max,
+        "stages": dict(timing.stages),
+        "ticks": timing.ticks,
+        "misses": timing.misses,
+        "late": late_json(timing),
+        "late_ms_max": 1e3 * timing.lateness_max,
+        "real_time_factor": timing.real_time_factor,
+        "relaxed": state.counts.relaxed,
+        "failed": state.counts.failed,
+    }
+
+
+def plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
     """Empty once the robot has fallen, but for the ground it lies on."""
     plan = snapshot.plan
     footholds = () if plan is None else plan.footholds

@@ -40,6 +40,7 @@ export class Joystick {
   }
 
   release() {
+    if (this.pointer === null) return;
     this.pointer = null;
     this.base.classList.remove("held");
     this.place(0, 0);

@@ -1,5 +1,7 @@
 // Keys that drive while they are held. They are caught before the scene, whose own are WASD, QE and the arrows.
 
+import { isSheetOpen } from "./sheets.js";
+
 const AXES = {
   KeyI: ["forward", 1],
   KeyK: ["forward", -1],
@@ -8,33 +10,38 @@ const AXES = {
   KeyJ: ["turn", 1],
   KeyL: ["turn", -1],
 };
+const PRESSES = { KeyH: "zero", Space: "push", KeyP: "pause" };
 
 export class Keyboard {
-  /** @param {{onChange: (axes: object) => void, onZero: () => void, onPush: () => void}} actions */
-  constructor(actions) {
-    this.actions = actions;
-    this.held = new Set();
+  /**
+   * @param {{onChange: (axes: object) => void, onPress: (action: string) => void}} options
+   *   onPress gets "zero", "push", "pause" or "help".
+   */
+  constructor({ onChange, onPress }) {
+    Object.assign(this, { onChange, onPress, held: new Set() });
     this.attach(window);
-    document.addEventListener("visibilitychange", () => this.releaseAll());
   }
 
   /** Listen to a window: this page's, and the scene's each time it has loaded. */
   attach(target) {
     target.addEventListener("keydown", (event) => this.down(event), { capture: true });
     target.addEventListener("keyup", (event) => this.up(event), { capture: true });
-    target.addEventListener("blur", () => this.releaseAll());
+    // The focus may only have gone from the page into the scene, or back.
+    target.addEventListener("blur", () => setTimeout(() => document.hasFocus() || this.release()));
   }
 
   down(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target)) return;
-    if (event.code === "Space" && event.target.matches?.("button:focus-visible, summary")) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target) || isSheetOpen()) return;
+    if (event.code === "Space" && event.target.matches?.("button:focus-visible, a, summary")) return;
     if (event.code in AXES) {
-      this.held.add(event.code);
-      this.report();
-    } else if (event.code === "KeyH") {
-      if (!event.repeat) this.actions.onZero();
-    } else if (event.code === "Space") {
-      if (!event.repeat) this.actions.onPush();
+      if (!event.repeat || !this.held.has(event.code)) {
+        this.held.add(event.code);
+        this.report();
+      }
+    } else if (event.key === "?") {
+      this.onPress("help");
+    } else if (event.code in PRESSES) {
+      if (!event.repeat) this.onPress(PRESSES[event.code]);
     } else return;
     swallow(event);
   }
@@ -47,7 +54,7 @@ export class Keyboard {
     }
   }
 
-  releaseAll() {
+  release() {
     if (!this.held.size) return;
     this.held.clear();
     this.report();
@@ -56,7 +63,7 @@ export class Keyboard {
   report() {
     const axes = { forward: 0, left: 0, turn: 0 };
     for (const code of this.held) axes[AXES[code][0]] += AXES[code][1];
-    this.actions.onChange(axes);
+    this.onChange(axes);
   }
 }
 

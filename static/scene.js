@@ -1,12 +1,16 @@
-// The frame that holds the viser scene: its colours, its camera, its panel, and its way back after a loss.
+// The frame that holds the viser scene: its colours, its camera, its panel, its look, and its way back after a loss.
+
+import { chosenLook, suitableLook, watchFrames } from "./look.js";
+import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
 const VIEWS = {
   wide: { position: "-2.45,1.75,1.55", lookAt: "0.15,0,0.78" },
   tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
-  low: { position: "-2.6,1.85,1.5", lookAt: "0.1,0,0.7" },
+  low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
 };
+const LIGHT_PIXELS = 0.6; // of the screen's own, along each side
 
 export class Scene {
   /** @param {{onLoad: (window: Window) => void}} options, called each time the frame has loaded */
@@ -14,8 +18,11 @@ export class Scene {
     this.frame = document.getElementById("viewer");
     this.toggle = document.getElementById("panel");
     this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
+    this.look = suitableLook();
+    this.stopWatching = () => {};
     this.frame.addEventListener("load", () => {
       this.dress();
+      this.watch();
       onLoad(this.frame.contentWindow);
     });
     this.toggle.addEventListener("click", () => this.showPanel(!this.hasPanel));
@@ -27,7 +34,32 @@ export class Scene {
     const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
     const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
     if (dark.matches) query.set("darkMode", "");
+    if (this.look === "light") {
+      query.set("fixedDpr", LIGHT_PIXELS);
+      query.set("websocket", `${location.origin.replace("http", "ws")}/viewer/light`);
+    }
+    this.frame.dataset.look = this.look;
+    document.body.classList.toggle("is-light", this.look === "light");
     this.frame.src = `/viewer/?${query}`;
+  }
+
+  /** Draw as the choice or the machine asks. */
+  relook() {
+    const look = suitableLook();
+    if (look === this.look) return;
+    this.look = look;
+    this.load();
+  }
+
+  /** A frame that stays slow is loaded anew with less to draw, unless its look was chosen by hand. */
+  watch() {
+    this.stopWatching();
+    if (this.look === "light" || chosenLook() !== "auto") return;
+    this.stopWatching = watchFrames(this.frame.contentWindow, () => {
+      this.look = "light";
+      this.load();
+      notify("The scene was slow here, so it draws less now. Help has the choice.");
+    });
   }
 
   /** Our ground below the scene, and viser's panel out of the way of the page's own controls. */

@@ -8,7 +8,7 @@ import { Live } from "./live.js";
 const PERIOD = 50; // ms
 const SIGN_OF_LIFE = 2000; // ms without which a held stick counts as let go
 
-const link = new Live("/api/v1/live/teleop", {});
+const link = new Live(`/api/v1/live/teleop${location.search}`, { onMessage: ({ error }) => postMessage(error) });
 let held = null;
 let heard = 0;
 

@@ -1,8 +1,9 @@
-// The strip: speed asked and reached, timing, phase, and who is wrong when something is.
+// The strip: speed asked and reached, timing, phase, and what is wrong when something is.
 
 const MEAN_OVER = 1.6; // s, two steps: the CoM sways within them
 const STILL = 0.02; // m/s
 const SHOWN_FOR = 1200; // ms at least: a solve or two at the limit would only flicker
+const KEEPS_UP = 0.93; // of the speed chosen
 const SIDES = ["left", "right"];
 
 const text = (id, value) => {
@@ -13,6 +14,7 @@ const text = (id, value) => {
 export class Status {
   constructor() {
     this.strip = document.querySelector(".strip");
+    this.pace = document.getElementById("pace");
     this.alarm = document.getElementById("alarm");
     this.history = [];
     this.limitEnds = 0;
@@ -20,23 +22,32 @@ export class Status {
 
   show(live) {
     text("asked", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
-    text("reached", (Math.round(100 * this.reached(live)) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
+    const reached = this.reached(live);
+    text("reached", reached === null ? "–" : (Math.round(100 * reached) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
     text("phase", phase(live));
     text("tick", live.timing.tick_ms.toFixed(1));
-    text("factor", live.timing.real_time_factor.toFixed(2));
-    text("driver", live.driver === "none" ? "nobody" : live.driver);
+    text("time", clock(live.t));
+    text("real-time", live.real_t === undefined ? "" : ` of ${clock(live.real_t)}`);
+    this.showPace(live);
     this.judge(live);
   }
 
-  /** Mean velocity over two steps, along the one asked for where there is one [m/s]. */
+  /** The factor is told relative to the speed chosen; shown is simulated over real time. */
+  showPace({ timing, running, speed = 1 }) {
+    text("factor", (speed * timing.real_time_factor).toFixed(2));
+    this.pace.classList.toggle("slow", running && timing.real_time_factor < KEEPS_UP);
+  }
+
+  /** Mean velocity over two steps, along the one asked for where there is one [m/s]; null while too little was seen. */
   reached(live) {
     const { history } = this;
-    if (history.length && live.t < history.at(-1).t) history.length = 0;
+    const gap = history.length ? live.t - history.at(-1).t : 0;
+    if (gap < 0 || gap > MEAN_OVER) history.length = 0; // a reset, or a browser too busy to listen
     history.push({ t: live.t, x: live.com_x, y: live.com_y });
     while (history.length > 2 && live.t - history[1].t >= MEAN_OVER) history.shift();
     const [first, last] = [history[0], history.at(-1)];
     const time = last.t - first.t;
-    if (time <= 0) return 0;
+    if (time <= 0) return null;
     const [x, y] = [(last.x - first.x) / time, (last.y - first.y) / time];
     const heading = (live.left_yaw + live.right_yaw) / 2;
     const forward = x * Math.cos(heading) + y * Math.sin(heading);
@@ -78,4 +89,10 @@ export class Status {
 function phase(live) {
   if (live.phase === 0) return "both feet";
   return live.phase === 1 ? "double support" : `${SIDES[live.support_side]} support`;
+}
+
+/** Minutes, seconds and tenths. */
+function clock(seconds) {
+  const minutes = Math.floor(seconds / 60);
+  return `${minutes}:${(seconds - 60 * minutes).toFixed(1).padStart(4, "0")}`.replace(":60.0", ":59.9");
 }

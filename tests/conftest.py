@@ -1,5 +1,7 @@
 """A real server, started as a user starts it."""
 
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,9 +12,11 @@ from pathlib import Path
 
 import httpx
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
 WALK = Path(sys.executable).parent / "walk"
 START = 60.0  # [s] a slow machine may take
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @dataclass
@@ -34,10 +38,14 @@ class Server:
         return f"ws://{self.host}/api/v1/live/{path}"
 
 
-def start_server(*options: str) -> Server:
+def start_server(*options: str, **environment: str) -> Server:
     """Start a server on a free port, and read its output from then on."""
     process = subprocess.Popen(
-        [WALK, "serve", "--port", "0", *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [WALK, "serve", "--port", "0", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | environment,
     )
     server = Server(process)
     is_open = threading.Event()
@@ -52,9 +60,20 @@ def start_server(*options: str) -> Server:
         is_open.set()
 
     threading.Thread(target=read, daemon=True).start()
-    assert is_open.wait(START) and server.url, f"no address: {server.output}"
+    if not is_open.wait(START) or not server.url:
+        process.kill()
+        raise AssertionError(f"no address: {server.output}")
     assert httpx.get(f"{server.url}api/v1/health", timeout=START).status_code == 200
     return server
+
+
+@pytest.fixture(scope="session", autouse=True)
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Where the servers of the tests keep their runs, instead of where the user's are."""
+    folder = tmp_path_factory.mktemp("data")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("WALK_DATA", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +93,16 @@ def api(server: Server) -> Iterator[httpx.Client]:
         client.post("live/reset").raise_for_status()
         client.post("live/resume").raise_for_status()
         yield client
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One browser for the tests of a file."""
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    assert path is not None, "no browser; `make browser` installs one"
+    with sync_playwright() as playwright:
+        # Without a sandbox, so that it starts as root, too; it sees our own page only.
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()

@@ -1,5 +1,6 @@
 """The API as its users meet it: over the socket, with their own clients."""
 
+import io
 import json
 import os
 import signal
@@ -8,8 +9,10 @@ import time
 from collections.abc import Callable
 
 import httpx
+import numpy as np
 import pytest
 from conftest import WALK, Server, start_server
+from prometheus_client.parser import text_string_to_metric_families
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -21,6 +24,7 @@ COLUMNS = """
 """.split()
 PERIOD = 0.005  # [s]
 FOREIGN = "http://elsewhere.example"
+RUN_FILES = ("events", "recording.{ending}", "run.json")
 PATIENCE = 20.0  # [s] on a busy machine
 
 
@@ -32,8 +36,8 @@ def _refuse_constant(name: str) -> None:
     raise AssertionError(f"{name} is not JSON")
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
+def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -63,7 +67,13 @@ def test_live_snapshot_has_every_column_and_the_plan(api):
     assert state["tick"] == 300 and state["t"] == pytest.approx(300 * PERIOD)
     assert state["status"] == 0 and state["reason"] == "" and state["fault"] == ""
     assert len(state["q"]) == 39
-    assert set(state["timing"]) >= {"tick_ms", "tick_ms_max", "misses", "real_time_factor"}
+    timing = state["timing"]
+    assert set(timing["stages"]) >= {"gait", "assemble", "solve", "swing_foot", "inverse_kinematics", "true_cop"}
+    assert 0.0 < sum(timing["stages"].values()) <= 1.2 * timing["tick_ms"]
+    assert set(timing["late"]) == {"1", "5", "50"}
+    for name in ("tick_ms_max", "misses", "real_time_factor", "late_ms_max", "relaxed", "failed", "ticks"):
+        assert timing[name] >= 0, name
+    assert (state["speed"], state["last_push"], state["random_pushes"]) == (1.0, None, None)
     plan = state["plan"]
     assert len(plan["times"]) == len(plan["com"]) == len(plan["cop"]) == 16
     first = plan["footholds"][0]
@@ -129,6 +139,22 @@ def test_reference_holds_until_another_is_given(api):
         ("POST", "live/step", '{"ticks": 0}', "ticks"),
         ("POST", "live/step", '{"ticks": 1.5}', "ticks"),
         ("POST", "live/step", '{"ticks": 1000000}', "ticks"),
+        ("POST", "live/step", '{"samples": 0}', "samples"),
+        ("POST", "live/step", '{"samples": 51}', "samples"),
+        ("POST", "live/step", '{"ticks": 1, "samples": 1}', "body"),
+        ("POST", "live/speed", "{}", "factor"),
+        ("POST", "live/speed", '{"factor": 0.05}', "factor"),
+        ("POST", "live/speed", '{"factor": 4.5}', "factor"),
+        ("POST", "live/speed", '{"factor": NaN}', "factor"),
+        ("POST", "live/preview", '{"impulse": [0, 500]}', "impulse"),
+        ("POST", "live/preview", '{"impulse": [0, NaN]}', "impulse.1"),
+        ("PUT", "live/random-pushes", "{}", "strength"),
+        ("PUT", "live/random-pushes", '{"strength": 500}', "strength"),
+        ("PUT", "live/random-pushes", '{"strength": -1}', "strength"),
+        ("PUT", "live/random-pushes", '{"strength": 1, "interval": 0.01}', "interval"),
+        ("PUT", "live/random-pushes", '{"strength": 1, "seed": -1}', "seed"),
+        ("POST", "live/save", '{"name": 7}', "name"),
+        ("POST", "live/save", '{"title": "mine"}', "title"),
     ],
 )
 def test_bad_input_is_refused_with_field_value_and_limit_and_changes_nothing(api, method, path, body, field):
@@ -213,15 +239,11 @@ def test_same_commands_at_the_same_ticks_give_the_same_snapshots(api):
 
 
 def test_simulated_time_advances_and_never_outruns_real_time(api):
-    def reading() -> tuple[float, float]:
-        before = time.monotonic()
-        t = live(api)["t"]
-        return t, before
-
-    t0, real0 = reading()
+    start = time.monotonic()
+    t0 = live(api)["t"]
     time.sleep(2.0)
-    t1, real1 = reading()
-    assert 0.0 < t1 - t0 <= real1 - real0 + 0.1
+    t1 = live(api)["t"]
+    assert 0.0 < t1 - t0 <= time.monotonic() - start + 0.1
     assert api.get("health").json()["real_time_factor"] <= 1.02
 
 
@@ -331,9 +353,11 @@ def test_every_refusal_has_the_same_shape(api):
 def test_documentation_lists_every_route(server):
     assert httpx.get(f"{server.url}docs").status_code == 200
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
-    verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters")
+    verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
+    verbs += ("speed", "preview", "random-pushes", "save")
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "live")}
-    expected = services | {f"/api/v1/live/{verb}" for verb in verbs}
+    runs = {f"/api/v1/runs{rest}" for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in RUN_FILES))}
+    expected = services | runs | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
 
 
@@ -385,3 +409,140 @@ def test_scenarios_are_listed_as_they_ship(api):
     shipped = {scenario["name"]: scenario for scenario in api.get("scenarios").json()}
     assert set(shipped) >= {"herdt-2010-section-6", "herdt-2010-section-6-hrp2", "turns-and-stops"}
     assert shipped["herdt-2010-section-6"]["events"][0] == {"t": 0.8, "reference": {"vx": 0.3}}
+
+
+def test_single_samples_lead_from_one_to_the_next(api):
+    api.post("live/pause")
+    api.post("live/reset")
+    api.post("live/step", json={"ticks": 3})
+    assert [api.post("live/step", json={"samples": n}).json()["tick"] for n in (1, 1, 2)] == [20, 40, 80]
+
+
+def test_speed_slows_simulated_time_and_is_told(api):
+    try:
+        assert api.post("live/speed", json={"factor": 0.1}).json()["speed"] == 0.1
+        assert api.get("health").json()["speed"] == 0.1
+        first = live(api)
+        wait_for(lambda: live(api)["real_t"] > first["real_t"] + 1.0)
+        last = live(api)
+        # Real time is counted at each tick, and they are 50 ms apart.
+        assert last["t"] - first["t"] <= 0.1 * (last["real_t"] - first["real_t"]) + 0.011
+    finally:
+        assert api.post("live/speed", json={"factor": 1.0}).json()["speed"] == 1.0
+
+
+def test_preview_shows_the_steps_that_would_answer_and_the_robot_feels_nothing(api):
+    api.post("live/pause")
+    api.post("live/reset")
+    api.put("live/reference", json={"vx": 0.2})
+    before = api.post("live/step", json={"ticks": 300}).json()
+    calm, pushed, hopeless = (
+        api.post("live/preview", json={"impulse": [0.0, strength]}).json() for strength in (0.0, 15.0, 60.0)
+    )
+    assert set(pushed) == {"status", "survives", "plan"}
+    assert calm["survives"] and pushed["survives"] and not hopeless["survives"]
+    assert calm["plan"]["footholds"][0]["y"] != pushed["plan"]["footholds"][0]["y"]
+    assert live(api)["tick"] == before["tick"]
+    after = api.post("live/step").json()
+    assert after["push_y"] == 0.0 and after["last_push"] is None
+
+
+def test_what_became_of_the_last_push_is_told(api):
+    api.post("live/pause")
+    api.post("live/reset")
+    api.post("live/step", json={"ticks": 100})
+    api.post("live/push", json={"impulse": [0.0, 1.0]})
+    assert api.post("live/step").json()["last_push"] == {
+        "t": 0.505,
+        "impulse": [0.0, 1.0],
+        "survived": True,
+        "steps": 0,
+    }
+    api.post("live/push", json={"impulse": [0.0, 60.0]})
+    api.post("live/step", json={"ticks": 800})
+    state = live(api)
+    assert state["last_push"]["survived"] is False and state["timing"]["failed"] > 0
+
+
+def test_random_pushes_come_until_they_are_switched_off(api):
+    api.post("live/pause")
+    try:
+        on = api.put("live/random-pushes", json={"strength": 2.0, "interval": 0.2, "seed": 5}).json()
+        assert on["random_pushes"] == {"strength": 2.0, "interval": 0.2, "seed": 5}
+        api.post("live/step", json={"ticks": 100})
+        assert live(api)["last_push"]["t"] > 0.0
+    finally:
+        assert api.put("live/random-pushes", json={"strength": 0}).json()["random_pushes"] is None
+    drawn = api.put("live/random-pushes", json={"strength": 1.0}).json()["random_pushes"]
+    assert drawn["interval"] == 5.0 and drawn["seed"] >= 0
+    api.put("live/random-pushes", json={"strength": 0})
+
+
+def test_a_saved_session_is_a_run_that_replays_to_the_same_decisions(api):
+    api.post("live/pause")
+    api.post("live/reset")
+    api.put("live/reference", json={"vx": 0.2})
+    api.post("live/step", json={"ticks": 150})
+    api.patch("live/parameters", json={"cop_margin": 0.02})
+    api.post("live/push", json={"impulse": [0.0, 5.0]})
+    api.post("live/step", json={"ticks": 150})
+    answer = api.post("live/save", json={"name": "driven"})
+    api.patch("live/parameters", json=api.get("live/parameters/defaults").json())
+    assert answer.status_code == 201
+    run = answer.json()
+    assert (run["status"], run["name"]) == ("done", "driven")
+    address = answer.headers["Location"].removeprefix("/api/v1/")
+    assert api.get(address).json()["id"] == run["id"]
+    driven = recording(api, address)
+    assert driven["tick"].tolist() == list(range(301)) and driven["push_y"].sum() == pytest.approx(5.0)
+    replay = api.post("runs", json=run["scenario"])
+    address = replay.headers["Location"].removeprefix("/api/v1/")
+    wait_for(lambda: api.get(address).json()["status"] == "done", patience=120.0)
+    replayed = recording(api, address)
+    assert all(driven[name].tobytes() == replayed[name].tobytes() for name in driven.files)
+
+
+def recording(api: httpx.Client, run: str) -> np.lib.npyio.NpzFile:
+    return np.load(io.BytesIO(api.get(f"{run}/recording.npz").content))
+
+
+def test_a_walk_can_be_saved_after_its_reset_under_a_name_of_ours(api):
+    api.post("live/pause")
+    api.post("live/step", json={"ticks": 30})
+    api.post("live/reset")
+    run = api.post("live/save", json={"before_reset": True}).json()
+    assert run["name"].startswith("live 20") and run["duration"] > 0.14
+    api.delete(f"runs/{run['id']}")
+
+
+def test_metrics_are_told_to_prometheus(api, server):
+    answer = httpx.get(f"{server.url}metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    families = {family.name: family for family in text_string_to_metric_families(answer.text)}
+    state = live(api)
+    value = {name: family.samples[0].value for name, family in families.items()}
+    assert 0 < value["walk_ticks"] <= state["timing"]["ticks"]
+    assert value["walk_speed"] == 1.0 and value["walk_running"] == 1.0 and value["walk_fault"] == 0.0
+    assert 0.0 < value["walk_real_time_factor"] <= 1.05
+    assert value["walk_clients"] == 0.0
+    assert {sample.labels["stage"] for sample in families["walk_stage_seconds"].samples} == set(
+        state["timing"]["stages"]
+    )
+    assert {sample.labels["process"] for sample in families["walk_memory_bytes"].samples} == {"server", "control"}
+    buckets = [s.value for s in families["walk_tick_lateness_seconds"].samples if s.name.endswith("_bucket")]
+    assert buckets == sorted(buckets) and len(buckets) == 4 and buckets[-1] == value["walk_ticks"]
+    for name in ("walk_tick_misses", "walk_relaxed_solves", "walk_failed_solves", "walk_tick_seconds"):
+        assert value[name] >= 0.0
+
+
+def test_death_of_the_control_process_degrades_the_server_and_a_reset_mends_it(api, server):
+    process = api.get("health").json()["control_process"]
+    os.kill(process, signal.SIGKILL)
+    wait_for(lambda: api.get("health").json()["status"] == "degraded")
+    assert "SIGKILL" in live(api)["fault"] and live(api)["running"] is False
+    answer = api.post("live/pause")
+    assert answer.status_code == 503 and set(answer.json()) == {"detail", "errors"}
+    assert httpx.get(f"{server.url}metrics").status_code == 200
+    assert api.post("live/reset").json()["tick"] == 0
+    assert api.get("health").json()["control_process"] != process
+    wait_for(lambda: live(api)["tick"] > 5 and live(api)["fault"] == "")

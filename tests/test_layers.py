@@ -25,10 +25,17 @@ CORE = """
     recording session replay
 """.split()
 SERVER = """
-    pace runner
-    palette outlines scenario_schema schemas errors origin settings
+    slot pace live_state
+    random_pushes last_push session
+    control control_channel control_process control_link
+    runner
+    hand
+    metrics palette outlines scenario_schema schemas body_limit origin token settings
     viewer proxy
     formats
+    runs run_schemas errors
+    page
+    bench
     figures
     report
     footholds foothold_picture foothold_report

@@ -6,7 +6,6 @@ a small window and the light scene leave enough of them. Waits count simulated t
 
 import io
 import re
-import shutil
 import time
 from collections.abc import Callable, Iterator
 
@@ -14,28 +13,16 @@ import httpx
 import numpy as np
 import pytest
 from conftest import Server
+from hands import Finger, Mouse, centre
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
 TICKS_PER_SECOND = 200
 PATIENCE = 120.0  # [s] on the wall, after which something hangs
 UP = re.compile("walking|standing")
 SAMPLE = 0.05  # [s] between looks at the robot
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    assert path is not None, "no browser; `make browser` installs one"
-    with sync_playwright() as playwright:
-        # Without a sandbox, so that it starts as root, too; it sees our own page only.
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = playwright.chromium.launch(executable_path=path, args=arguments)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -49,6 +36,7 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
         page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("response", lambda answer: complaints.append(answer.url) if answer.status >= 400 else None)
+        page.set_default_timeout(1e3 * PATIENCE)
         pages.append(page)
         page.goto(server.url)
         expect(page.get_by_test_id("status")).to_contain_text(UP, timeout=1e3 * PATIENCE)
@@ -77,12 +65,6 @@ def watch(api: httpx.Client, seconds: float, until: Callable[[dict], bool] = lam
     return states
 
 
-def centre(element: Locator) -> tuple[float, float]:
-    box = element.bounding_box()
-    assert box is not None
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-
 def moved(states: list[dict]) -> np.ndarray:
     return np.array([states[-1][name] - states[0][name] for name in ("com_x", "com_y")])
 
@@ -108,39 +90,6 @@ def until_drawn(element: Locator) -> np.ndarray:
         assert time.monotonic() < give_up, "nothing was drawn"
         time.sleep(0.5)
     return image
-
-
-class Finger:
-    """A touch that drags; Playwright itself only taps."""
-
-    def __init__(self, page: Page) -> None:
-        self._session = page.context.new_cdp_session(page)
-
-    def _send(self, kind: str, *points: tuple[float, float]) -> None:
-        touches = [{"x": x, "y": y} for x, y in points]
-        self._session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        self._send("touchStart", start)
-        self._send("touchMove", end)
-
-    def lift(self) -> None:
-        self._send("touchEnd")
-
-
-class Mouse:
-    """The same by mouse."""
-
-    def __init__(self, page: Page) -> None:
-        self._mouse = page.mouse
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        self._mouse.move(*start)
-        self._mouse.down()
-        self._mouse.move(*end, steps=4)
-
-    def lift(self) -> None:
-        self._mouse.up()
 
 
 @pytest.mark.parametrize(
@@ -224,5 +173,5 @@ def test_keyboard_drives_while_a_key_is_held(visit, api):
     page.keyboard.down("k")
     held = watch(api, 4.0, until=lambda state: state["reference_vx"] < 0.0)[-1]
     page.keyboard.up("k")
-    assert held["driver"] == "joystick" and held["reference_vx"] < 0.0
+    assert held["driver"] == "keyboard" and held["reference_vx"] < 0.0
     assert watch(api, 4.0, until=lambda state: state["reference_vx"] == 0.0)[-1]["reference_vx"] == 0.0

@@ -81,7 +81,7 @@ class Parameters:
     """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
 
     def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
+        if self.scheme not in tuple(SCHEMES):  # a tuple takes what a dictionary cannot hash
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
         if self.solver not in SOLVERS:
             raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
@@ -94,6 +94,7 @@ class Parameters:
             check_range("com_height", self.com_height, *COM_HEIGHT_LIMITS)
         if self.horizon_samples != int(self.horizon_samples):
             raise InvalidValueError("horizon_samples", self.horizon_samples, "must be a whole number")
+        object.__setattr__(self, "horizon_samples", int(self.horizon_samples))  # 16.0 is one, too
         if self.alpha == 0.0 and self.beta == 0.0:
             raise InvalidValueError("alpha", self.alpha, "alpha and beta may not both be zero")
         self._check_multiple("sampling_period", "control_period")

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import distribution
 from importlib.resources import files
 from pathlib import Path
@@ -145,8 +146,9 @@ def robot_names() -> list[str]:
     return sorted(Path(str(entry)).stem for entry in ROBOTS.iterdir() if str(entry).endswith(".yaml"))
 
 
+@cache
 def load_robot(name: str) -> Robot:
-    """The robot of that name.
+    """The robot of that name, a value that is read once.
 
     Raises:
         UnknownNameError: if there is none.

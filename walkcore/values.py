@@ -34,12 +34,19 @@ def check_range(field: str, value: object, low: float = -math.inf, high: float =
     Raises:
         InvalidValueError: if it is not; NaN and infinities never pass.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not _is_finite(value):
         raise InvalidValueError(field, value, "must be a finite number")
     number = float(value)
     if not low <= number <= high:
         raise InvalidValueError(field, value, f"must lie in [{low:g}, {high:g}]")
     return number
+
+
+def _is_finite(value: numbers.Real) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest double
+        return False
 
 
 def check_whole(field: str, value: object, low: int, high: int) -> int:

@@ -75,7 +75,8 @@ class WholeBody:
                 self.model.referenceConfigurations[body.posture],
             )
         )
-        self._data = self.model.createData()
+        self._data, self._data_of_dynamics = self.model.createData(), self.model.createData()
+        self._configuration = Configuration(self.model, self._data, self.posture, copy_data=False)
         self._soles = {
             side: FrameTask(body.sole(side), position_cost=SOLE_COST, orientation_cost=SOLE_COST) for side in Side
         }
@@ -136,7 +137,9 @@ class WholeBody:
         self._com.set_target(target.com)
         self._torso.set_target(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, target.heading), np.zeros(3)))
 
-        configuration = Configuration(self.model, self._data, q, copy_data=False)
+        if q is not self._configuration.q:  # else its kinematics are those of the last tick's end
+            self._configuration = Configuration(self.model, self._data, q, copy_data=False)
+        configuration = self._configuration
         error = np.inf
         for _ in range(MAX_ITERATIONS):
             try:
@@ -165,12 +168,13 @@ class WholeBody:
             com: where it should be, world frame [m], shape (3,).
             feet: where they should be.
         """
-        pin.framesForwardKinematics(self.model, self._data, q)
+        data = self._data_of_dynamics  # the other one is what the inverse kinematics goes on from
+        pin.framesForwardKinematics(self.model, data, q)
         off = [
-            self._data.oMf[self.model.getFrameId(self._soles[side].frame)].translation - [*foot.position, foot.height]
+            data.oMf[self.model.getFrameId(self._soles[side].frame)].translation - [*foot.position, foot.height]
             for side, foot in feet.items()
         ]
-        com_off = pin.centerOfMass(self.model, self._data, q) - com
+        com_off = pin.centerOfMass(self.model, data, q) - com
         return float(np.linalg.norm(com_off)), max(float(np.linalg.norm(one)) for one in off)
 
     def dynamics(
@@ -186,15 +190,15 @@ class WholeBody:
             push: horizontal force that acts on the CoM from outside [N], shape (2,).
             on_ground: feet that carry the robot.
         """
-        model, data = self.model, self._data
+        model, data = self.model, self._data_of_dynamics
         arriving = pin.difference(model, before, now) / tick
         leaving = pin.difference(model, now, after) / tick
         torques = pin.rnea(model, data, now, (arriving + leaving) / 2, (leaving - arriving) / tick)
         # What ground and push give the floating base, in the world; the push acts on the CoM.
+        com = pin.centerOfMass(model, data, now)  # places the joints, too, which `rnea` does not
         total = data.oMi[1].act(data.f[1])
-        com = pin.centerOfMass(model, data, now)
         push_force = np.array([*push, 0.0])
-        force, moment = total.linear - push_force, total.angular - np.cross(com, push_force)
+        force, moment = total.linear - push_force, total.angular - pin.skew(com) @ push_force
         cop = np.array([-moment[1], moment[0]]) / force[2]
         for wrench, jacobian in self._contacts(now, cop, force, moment, on_ground):
             torques = torques - jacobian.T @ wrench
@@ -207,18 +211,19 @@ class WholeBody:
 
         On two feet the ground's force is shared as the CoP lies between them.
         """
-        pin.computeJointJacobians(self.model, self._data, q)
-        pin.updateFramePlacements(self.model, self._data)
-        frames = [self.model.getFrameId(self._soles[side].frame) for side in on_ground]
-        points = [self._data.oMf[frame].translation for frame in frames]
+        model, data = self.model, self._data_of_dynamics
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        frames = [model.getFrameId(self._soles[side].frame) for side in on_ground]
+        points = [data.oMf[frame].translation for frame in frames]
         shares = [1.0]
         if len(points) == 2:
             across = points[1][:2] - points[0][:2]
             second = float(np.clip((cop - points[0][:2]) @ across / (across @ across), 0.0, 1.0))
             shares = [1.0 - second, second]
-        left_over = moment - sum(share * np.cross(p, force) for share, p in zip(shares, points, strict=True))
+        left_over = moment - sum(share * pin.skew(p) @ force for share, p in zip(shares, points, strict=True))
         for frame, share in zip(frames, shares, strict=True):
-            jacobian = pin.getFrameJacobian(self.model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
+            jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
             wrench: Vector = np.multiply(share, np.concatenate([force, left_over]))
             yield wrench, jacobian
 

@@ -1,14 +1,29 @@
 """The robot that walks on the page: what it does, and what it is asked."""
 
 import asyncio
+from datetime import UTC, datetime
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 
 from app.routes.connection import LiveRunner
-from app.schemas import ErrorBody, PushBody, ReferenceBody, StepBody, live_json
+from app.routes.runs import AllRuns
+from app.run_schemas import RunBody, address, run_body
+from app.schemas import (
+    ErrorBody,
+    PushBody,
+    RandomPushesBody,
+    ReferenceBody,
+    SaveBody,
+    SpeedBody,
+    StepBody,
+    live_json,
+    preview_json,
+)
 
-router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={422: {"model": ErrorBody}})
+REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
+
+router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 
 
 @router.get("")
@@ -30,6 +45,12 @@ async def parameters(runner: LiveRunner) -> dict[str, Any]:
     return runner.parameters.to_mapping()
 
 
+@router.get("/parameters/defaults")
+async def defaults(runner: LiveRunner) -> dict[str, Any]:
+    """The parameters that the server started with."""
+    return runner.defaults.to_mapping()
+
+
 @router.patch("/parameters")
 async def change(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
     """Change some parameters while the robot walks, the scheme included; answers all of them."""
@@ -42,6 +63,46 @@ async def push(body: PushBody, runner: LiveRunner) -> PushBody:
     """Shove the robot at the next tick; of several within one tick the last one counts."""
     runner.push(body.to_push())
     return body
+
+
+@router.post("/preview")
+async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
+    """The plan that would answer this push if it came now, all at once; the robot does not feel it.
+
+    `survives` tells whether further steps can catch the robot where that plan ends.
+    """
+    return preview_json(await asyncio.wrap_future(runner.preview(body.to_push())), runner.robot)
+
+
+@router.put("/random-pushes")
+async def random_pushes(body: RandomPushesBody, runner: LiveRunner) -> dict[str, Any]:
+    """Let pushes come by themselves, each like any other push; `{"strength": 0}` ends them."""
+    wish = runner.push_at_random(body.strength, body.interval, body.seed)
+    return live_json(await asyncio.wrap_future(wish), runner.robot)
+
+
+@router.post("/speed")
+async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
+    """Let simulated time pass so many times as fast as real time."""
+    return live_json(await asyncio.wrap_future(runner.set_speed(body.factor)), runner.robot)
+
+
+@router.post(
+    "/save",
+    status_code=201,
+    responses={
+        201: {"headers": {"Location": {"description": "Where the run is told.", "schema": {"type": "string"}}}},
+        409: {"model": ErrorBody, "description": "There was no walk before the last reset."},
+    },
+)
+async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
+    """Keep the last minute of the robot as a run that is done, with the scenario that leads to the same again."""
+    asked = body or SaveBody()
+    session = await asyncio.wrap_future(runner.save(asked.before_reset))
+    name = asked.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
+    run = await asyncio.to_thread(lambda: runs.add_finished(session.recording(name, runner.robot)))
+    response.headers["Location"] = address(run.id)
+    return run_body(run)
 
 
 @router.post("/pause")
@@ -58,9 +119,10 @@ async def resume(runner: LiveRunner) -> dict[str, Any]:
 
 @router.post("/step", responses={409: {"model": ErrorBody, "description": "The robot is not paused."}})
 async def step(runner: LiveRunner, body: StepBody | None = None) -> dict[str, Any]:
-    """Take single ticks while paused; answers the snapshot of the last one."""
-    ticks = (body or StepBody()).ticks
-    return live_json(await asyncio.wrap_future(runner.step(ticks)), runner.robot)
+    """Take single ticks while paused, or go to a coming sample; answers the snapshot of the last tick."""
+    asked = body or StepBody()
+    wish = runner.step(asked.ticks or 1) if asked.samples is None else runner.step_samples(asked.samples)
+    return live_json(await asyncio.wrap_future(wish), runner.robot)
 
 
 @router.post("/reset")

@@ -4,18 +4,19 @@ import time
 from importlib.metadata import version
 from typing import Any
 
-import psutil
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CONTENT_TYPE_LATEST
 
+from app.metrics import SERVER, memory_of
 from app.routes.connection import LiveRunner
 from app.runner import LiveState
-from app.schemas import Health, RobotBody, robot_body
+from app.schemas import Health, RobotBody, late_json, robot_body
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
 SLOW = 0.95  # real-time factor below which a walk is degraded
 
 router = APIRouter(prefix="/api/v1", tags=["service"])
-process = psutil.Process()
+metrics_router = APIRouter(include_in_schema=False)
 
 
 @router.get("/health")
@@ -29,14 +30,23 @@ async def health(request: Request, runner: LiveRunner) -> Health:
         version=version("walk"),
         robot=runner.robot.name,
         tick_rate=1.0 / runner.parameters.control_period,
+        speed=state.speed,
         real_time_factor=state.timing.real_time_factor,
         tick_ms=state.timing.tick_ms,
         tick_ms_max=state.timing.tick_ms_max,
         misses=state.timing.misses,
-        memory_mb=process.memory_info().rss / 1e6,
-        uptime=time.time() - process.create_time(),
+        late=late_json(state.timing),
+        control_process=runner.process_id,
+        memory_mb=sum(memory_of(runner).values()) / 1e6,
+        uptime=time.time() - SERVER.create_time(),
         clients=request.app.state.nb_streams,
     )
+
+
+@metrics_router.get("/metrics")
+async def metrics(request: Request) -> Response:
+    """The same and more for Prometheus."""
+    return Response(request.app.state.metrics.text(), media_type=CONTENT_TYPE_LATEST)
 
 
 @router.get("/robots")
@@ -56,5 +66,6 @@ def _trouble(state: LiveState) -> str:
     if state.fault:
         return state.fault
     if state.running and state.timing.real_time_factor < SLOW:
-        return f"simulated time runs at {state.timing.real_time_factor:.2f} of real time"
+        asked = "real time" if state.speed == 1.0 else f"the speed asked for, {state.speed:g} times real time"
+        return f"simulated time runs at {state.timing.real_time_factor:.2f} of {asked}"
     return ""

@@ -2,22 +2,22 @@
 
 import asyncio
 import json
+import secrets
+import time
 from contextlib import suppress
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-import numpy as np
+import msgpack
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from app.errors import field_errors, summary
+from app.hand import Hand
 from app.routes.connection import LiveRunner
-from app.runner import Runner
 from app.schemas import TeleopMessage, live_json
-from walkcore import Push
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
-JOYSTICK_EXPIRES = 0.4  # [s] after which a silent joystick counts as let go
 MAX_MESSAGE = 4096  # characters
 
 router = APIRouter(prefix="/api/v1/live")
@@ -25,35 +25,54 @@ router = APIRouter(prefix="/api/v1/live")
 
 @router.websocket("/stream")
 async def stream(
-    socket: WebSocket, runner: LiveRunner, rate: Annotated[float, Query(ge=0.1, le=60.0, allow_inf_nan=False)] = 30.0
+    socket: WebSocket,
+    runner: LiveRunner,
+    rate: Annotated[float, Query(ge=0.1, le=60.0, allow_inf_nan=False)] = 30.0,
+    format: Literal["json", "msgpack"] = "json",
 ) -> None:
-    """Send the latest snapshot `rate` times a second, or as often as the reader can take it."""
+    """Send the latest snapshot `rate` times a second, or as often as the reader can take it.
+
+    As text in JSON, or the same keys and values in binary MessagePack.
+    """
     await socket.accept()
     socket.app.state.nb_streams += 1
     try:
         with suppress(WebSocketDisconnect):
+            due = time.monotonic()
             while True:
-                await socket.send_text(json.dumps(live_json(runner.latest, runner.robot), separators=(",", ":")))
-                await asyncio.sleep(1.0 / rate)
+                await _send(socket, live_json(runner.latest, runner.robot), format)
+                due = max(due + 1.0 / rate, time.monotonic())  # what is late is not made up for
+                await asyncio.sleep(due - time.monotonic())
     finally:
         socket.app.state.nb_streams -= 1
 
 
+async def _send(socket: WebSocket, snapshot: dict[str, Any], format: str) -> None:
+    if format == "msgpack":
+        await socket.send_bytes(msgpack.packb(snapshot))  # pyright: ignore[reportArgumentType]  # never None
+    else:
+        await socket.send_text(json.dumps(snapshot, separators=(",", ":")))
+
+
 @router.websocket("/teleop")
-async def teleop(socket: WebSocket, runner: LiveRunner) -> None:
-    """Take joystick and push messages, clamped to the robot's limits; bad ones are answered and change nothing."""
+async def teleop(socket: WebSocket, runner: LiveRunner, client: Annotated[str, Query(max_length=64)] = "") -> None:
+    """Take joystick and push messages, clamped to the robot's limits; bad ones are answered and change nothing.
+
+    The live snapshot names the `client` that drives: whatever a page calls itself, or a name of our own.
+    """
     await socket.accept()
+    hand = Hand(runner, client or secrets.token_hex(8))
     with suppress(WebSocketDisconnect):
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                _obey(message.get("text") or "", runner)
+                _obey(message.get("text") or "", hand)
             except ValidationError as error:
                 await socket.send_json({"error": summary(field_errors(error.errors()))})
             except InvalidValueError as error:
                 await socket.send_json({"error": str(error)})
 
 
-def _obey(text: str, runner: Runner) -> None:
+def _obey(text: str, hand: Hand) -> None:
     """Do what a message asks.
 
     Raises:
@@ -63,16 +82,6 @@ def _obey(text: str, runner: Runner) -> None:
     check_range("length", len(text), 0, MAX_MESSAGE)
     message = TeleopMessage.model_validate_json(text)
     if message.push is not None:
-        runner.push(_clamped(message.push.to_push(), runner.robot.max_push))
+        hand.push(message.push.to_push())
     if message.reference is not None:
-        reference = runner.robot.clamped_reference(message.reference.to_reference())
-        runner.drive(reference, "joystick", expires_after=JOYSTICK_EXPIRES)
-
-
-def _clamped(push: Push, max_push: float) -> Push:
-    """The push in its direction, no stronger than a limit."""
-    strength = float(np.linalg.norm(push.impulse))
-    if strength <= max_push:
-        return push
-    shrunk = push.impulse * (max_push / strength * (1.0 - 1e-9))  # so that rounding stays below the limit
-    return Push(shrunk, push.duration, push.frame)
+        hand.steer(message.reference.to_reference(), message.driver, message.grip)

@@ -13,7 +13,7 @@ from app.palette import LEFT_FOOT, MARGIN, REGION, RIGHT_FOOT, SUPPORT, Colour
 from app.viewer.shapes import counter_clockwise, fan, outline, raised
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot, WalkError
-from walkcore.gait import Side
+from walkcore.gait import Footstep, Phase, Side
 from walkcore.regions import inset_vertices, mirrored
 from walkcore.values import Matrix, Vector, rotation
 
@@ -144,7 +144,7 @@ class PlannedSoles:
         """Draw the footholds of the snapshot's plan."""
         self.draw(stream, snapshot.plan.footholds if snapshot.plan is not None else ())
 
-    def draw(self, stream: Stream, footholds: tuple[Any, ...]) -> None:
+    def draw(self, stream: Stream, footholds: tuple[Footstep, ...]) -> None:
         """Draw footholds, or none."""
         for side, patches in self._patches.items():
             feet = [foot for foot in footholds if foot.side is side]
@@ -181,10 +181,17 @@ class SupportPolygon:
     """The hull of the soles that carry the robot, and what the margin leaves of it for the CoP."""
 
     def __init__(self, server: viser.ViserServer, root: str, margin_root: str, robot: Robot) -> None:
-        """Make the nodes once."""
+        """Make the nodes once: a patch for each case, of which one is shown."""
         self._robot = robot
-        self._hull = Patch(server, f"{root}/hull", SUPPORT, SUPPORT_HEIGHT, opacity=0.3, thickness=2.5)
-        self._inner = Patch(server, f"{margin_root}/inner", MARGIN, MARGIN_HEIGHT, opacity=0.12, thickness=2.0)
+        cases = [(side, is_single) for side in Side for is_single in (True, False)]
+        self._patches = {
+            case: Patch(server, f"{root}/{_case(*case)}", SUPPORT, SUPPORT_HEIGHT, opacity=0.3, thickness=2.5)
+            for case in cases
+        }
+        self._margins = {
+            case: Patch(server, f"{margin_root}/{_case(*case)}", MARGIN, MARGIN_HEIGHT, opacity=0.12, thickness=2.0)
+            for case in cases
+        }
         self._drawn: tuple[Any, ...] = ()
 
     def update(self, stream: Stream, snapshot: Snapshot, margin: float) -> None:
@@ -203,12 +210,30 @@ class SupportPolygon:
             return
         self._drawn = now
         corners = (support_polygon(self._robot, snapshot) - foot.position) @ rotation(foot.yaw)
-        self._hull.reshape(stream, corners)
-        self._hull.place(stream, foot.position, foot.yaw)
-        try:
-            inner = inset_vertices(corners, margin)
-        except WalkError:
-            self._inner.hide(stream)
-            return
-        self._inner.reshape(stream, inner[ConvexHull(inner).vertices])
-        self._inner.place(stream, foot.position, foot.yaw)
+        case = (foot.side, snapshot.phase is Phase.SINGLE_SUPPORT)
+        _show_one(stream, self._patches, case, foot, corners)
+        _show_one(stream, self._margins, case, foot, _inner(corners, margin))
+
+
+def _case(side: Side, is_single: bool) -> str:
+    return f"{side.name.lower()}_{'sole' if is_single else 'hull'}"
+
+
+def _show_one(
+    stream: Stream, patches: dict[tuple[Side, bool], Patch], case: tuple[Side, bool], foot: Footstep, polygon: Matrix
+) -> None:
+    """Of the patches, show the one of a case with a polygon of a foot's frame, if that is not empty."""
+    for patch in patches.values():
+        patch.hide(stream)
+    if len(polygon):
+        patches[case].reshape(stream, polygon)
+        patches[case].place(stream, foot.position, foot.yaw)
+
+
+def _inner(corners: Matrix, margin: float) -> Matrix:
+    """What a margin leaves of a polygon, both of shape (V, 2), in order; nothing where it is too wide."""
+    try:
+        inner = inset_vertices(corners, margin)
+    except WalkError:
+        return np.zeros((0, 2))
+    return inner[ConvexHull(inner).vertices]

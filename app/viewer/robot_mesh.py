@@ -1,6 +1,7 @@
 """What a robot looks like: the visual meshes of its URDF, decimated, one per moving joint and colour."""
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,6 +15,8 @@ from app.palette import DEFAULT_MATERIAL, MATERIALS, Colour
 from walkcore.robot import BodyModel
 
 CREASE = np.radians(35.0)  # edges sharper than this stay sharp under smooth shading
+AGGRESSION = 4  # of the decimation: slower to give up a shape than the library's own 7
+LONGEST_GAP = 0.4  # [m] around: smaller openings of a shell, such as a grille's, are closed, or a decimation tears them
 FEWEST_FACES = 2300  # of a part, times the ratio: fewer would eat the shape of the fingers
 
 
@@ -28,6 +31,12 @@ class BodyPart:
     """[m], shape (V, 3)."""
     faces: NDArray[np.uint32]
     """Shape (F, 3)."""
+
+    def quantised(self) -> tuple[NDArray[np.int16], NDArray[np.unsignedinteger], float]:
+        """Vertices in whole steps, faces in as few bytes as hold them, and the step [m]: half the bytes to send."""
+        step = float(np.max(np.abs(self.vertices))) / np.iinfo(np.int16).max
+        index = np.uint16 if len(self.vertices) <= np.iinfo(np.uint16).max else np.uint32
+        return np.round(self.vertices / step).astype(np.int16), self.faces.astype(index), step
 
 
 def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[BodyPart]:
@@ -80,4 +89,39 @@ def _part(joint: int, colour: Colour, meshes: list[trimesh.Trimesh]) -> BodyPart
 
 
 def _decimated(mesh: trimesh.Trimesh, nb_faces: float) -> trimesh.Trimesh:
-    return mesh.simplify_quadric_decimation(face_count=round(nb_faces)) if nb_faces < len(mesh.faces) else mesh
+    if nb_faces >= len(mesh.faces):
+        return mesh
+    return _closed(mesh).simplify_quadric_decimation(face_count=round(nb_faces), aggression=AGGRESSION)
+
+
+def _closed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with its small openings closed, each by a fan around its middle."""
+    vertices: list[NDArray[np.float64]] = [mesh.vertices]
+    faces: list[NDArray[np.int64]] = [mesh.faces]
+    for nb_fans, opening in enumerate(_openings(mesh)):
+        centre = len(mesh.vertices) + nb_fans
+        vertices.append(np.mean(mesh.vertices[opening], axis=0)[None])
+        faces.append(np.column_stack([np.roll(opening, -1), opening, np.full(len(opening), centre)]))
+    return trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
+
+
+def _openings(mesh: trimesh.Trimesh) -> Iterator[NDArray[np.int64]]:
+    """Loops of edges that belong to one face only, no longer around than the longest gap; vertices in order."""
+    _, first, counts = np.unique(mesh.edges_sorted, axis=0, return_index=True, return_counts=True)
+    following: dict[int, list[int]] = defaultdict(list)
+    for start, end in mesh.edges[first[counts == 1]].tolist():
+        following[start].append(end)
+    for start in list(following):
+        while following[start]:
+            loop = [start]
+            while following[loop[-1]]:  # else it leads nowhere: faces that are not wound alike
+                end = following[loop[-1]].pop()
+                if end == start:
+                    if len(loop) > 2 and _length_around(mesh.vertices[loop]) <= LONGEST_GAP:
+                        yield np.array(loop)
+                    break
+                loop.append(end)
+
+
+def _length_around(corners: NDArray[np.float64]) -> float:
+    return float(np.sum(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)))

@@ -31,7 +31,7 @@ class Stream:
         """Of the values being collected; `next_frame` ends it."""
         self._values: dict[tuple[str, str, str], Any] = {}
         self._changed: dict[tuple[str, str, str], int] = {}
-        self._fresh: list[tuple[str, str, str]] = []
+        self._fresh: dict[tuple[str, str, str], None] = {}
 
     def position(self, name: str, position: Iterable[float]) -> None:
         """Where a node is in its parent's frame [m], shape (3,)."""
@@ -70,12 +70,12 @@ class Stream:
             return
         self._values[key] = value
         self._changed[key] = self.frame
-        self._fresh.append(key)
+        self._fresh[key] = None
 
     def next_frame(self) -> None:
         """End the frame: what is set from now on belongs to the next one."""
         self.frame += 1
-        self._fresh = []
+        self._fresh = {}
 
     def changes(self, since: int) -> list[Message]:
         """Messages that bring a client up to date that has seen all frames before `since`."""

@@ -1,0 +1,82 @@
+"""What `/metrics` tells Prometheus of the live robot."""
+
+from collections.abc import Callable, Iterator
+
+import psutil
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from app.live_state import LiveState
+from app.pace import LATENESS_EDGES, Timing
+from app.runner import Runner
+
+SERVER = psutil.Process()
+
+
+class LiveMetrics(Collector):
+    """Reads the latest state whenever it is asked."""
+
+    def __init__(self, runner: Runner, nb_clients: Callable[[], int]) -> None:
+        """Of a runner, and of so many open streams."""
+        self._runner, self._nb_clients = runner, nb_clients
+        self._registry = CollectorRegistry()
+        self._registry.register(self)
+
+    def text(self) -> bytes:
+        """In Prometheus's format."""
+        return generate_latest(self._registry)
+
+    def collect(self) -> Iterator[Metric]:
+        """All of them, at this moment."""
+        state = self._runner.latest
+        yield from _of_ticks(state.timing)
+        yield from _of_walk(state)
+        yield GaugeMetricFamily("walk_clients", "Open streams of the live snapshot.", self._nb_clients())
+        memory = GaugeMetricFamily("walk_memory_bytes", "Resident memory.", labels=["process"])
+        for process, bytes_ in memory_of(self._runner).items():
+            memory.add_metric([process], bytes_)
+        yield memory
+
+    def describe(self) -> list[Metric]:
+        """Nothing before the first question: the robot may not stand yet."""
+        return []
+
+
+def memory_of(runner: Runner) -> dict[str, int]:
+    """Resident memory of the server and of its control process, while that lives [bytes]."""
+    memory = {"server": SERVER.memory_info().rss}
+    try:
+        memory["control"] = psutil.Process(runner.process_id).memory_info().rss
+    except psutil.NoSuchProcess:
+        return memory
+    return memory
+
+
+def _of_ticks(timing: Timing) -> Iterator[Metric]:
+    yield CounterMetricFamily("walk_ticks", "Ticks taken on schedule.", timing.ticks)
+    yield CounterMetricFamily("walk_tick_misses", "Ticks that started more than a period late.", timing.misses)
+    counts, buckets = 0, list[tuple[str, float]]()
+    for edge, count in zip((*map(str, LATENESS_EDGES), "+Inf"), timing.lateness, strict=True):
+        counts += count
+        buckets.append((edge, counts))
+    lateness = HistogramMetricFamily("walk_tick_lateness_seconds", "From when a tick was due to when it started.")
+    lateness.add_metric([], buckets, timing.lateness_sum)
+    yield lateness
+    yield GaugeMetricFamily("walk_tick_lateness_max_seconds", "Largest there ever was.", timing.lateness_max)
+    yield GaugeMetricFamily("walk_tick_seconds", "Smoothed mean of a tick's computation.", timing.tick_ms / 1e3)
+    yield GaugeMetricFamily("walk_tick_max_seconds", "Largest of the last second.", timing.tick_ms_max / 1e3)
+    stages = GaugeMetricFamily("walk_stage_seconds", "Smoothed mean of a stage of a tick.", labels=["stage"])
+    for stage, duration in timing.stages.items():
+        stages.add_metric([stage], duration / 1e3)
+    yield stages
+
+
+def _of_walk(state: LiveState) -> Iterator[Metric]:
+    factor = state.timing.real_time_factor
+    yield GaugeMetricFamily("walk_real_time_factor", "Simulated time over what the speed asks for.", factor)
+    yield GaugeMetricFamily("walk_speed", "Simulated over real time that is asked for.", state.speed)
+    yield GaugeMetricFamily("walk_running", "1 while time passes, 0 while paused.", state.running)
+    yield GaugeMetricFamily("walk_fault", "1 while an error holds the robot.", bool(state.fault))
+    yield CounterMetricFamily("walk_relaxed_solves", "Ticks on which a soft margin was given up.", state.counts.relaxed)
+    yield CounterMetricFamily("walk_failed_solves", "Ticks on which nothing kept the robot up.", state.counts.failed)

@@ -1,0 +1,133 @@
+"""Scripted runs: send a scenario, follow it, take its recording away."""
+
+import asyncio
+import re
+from collections.abc import AsyncIterable
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.responses import FileResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+
+from app.body_limit import MAX_BODY
+from app.formats import FORMATS
+from app.run_schemas import RunBody, RunSummary, address, run_body, run_summary
+from app.runs import Run, Runs
+from app.scenario_schema import ScenarioBody
+from app.schemas import ErrorBody
+
+EVENT_PERIOD = 0.2  # [s] between looks at a run that is followed
+
+UNKNOWN: dict[int | str, dict[str, Any]] = {404: {"model": ErrorBody, "description": "There is no such run."}}
+
+Ending = Literal[tuple(FORMATS)]
+
+router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
+
+
+def _runs(request: Request) -> Runs:
+    return request.app.state.runs
+
+
+def _known(run_id: str, runs: "AllRuns") -> Run:
+    return runs.get(run_id)
+
+
+AllRuns = Annotated[Runs, Depends(_runs)]
+KnownRun = Annotated[Run, Depends(_known)]
+
+
+@router.post(
+    "",
+    status_code=202,
+    responses={
+        202: {"headers": {"Location": {"description": "Where the run is told.", "schema": {"type": "string"}}}},
+        413: {"model": ErrorBody, "description": f"The body is longer than {MAX_BODY} bytes."},
+        422: {
+            "model": ErrorBody,
+            "description": "Not a scenario, or beyond a limit: the field, its value and the limit.",
+        },
+        503: {
+            "model": ErrorBody,
+            "description": "Too many runs wait already.",
+            "headers": {"Retry-After": {"description": "[s]", "schema": {"type": "integer"}}},
+        },
+    },
+)
+def submit(scenario: ScenarioBody, runs: AllRuns, response: Response) -> RunBody:
+    """Simulate a scenario, as `walk run` does with a file of the same content; answers at once."""
+    run = runs.submit(scenario.source)
+    response.headers["Location"] = address(run.id)
+    return run_body(run)
+
+
+@router.get("")
+def all_runs(runs: AllRuns) -> list[RunSummary]:
+    """All runs that are kept, the latest first."""
+    return [run_summary(run) for run in runs.list()]
+
+
+@router.get("/{run_id}", responses=UNKNOWN)
+def one_run(run: KnownRun) -> RunBody:
+    """How a run stands: queued, running with its progress, done with its metrics, failed with the reason, cancelled."""
+    return run_body(run)
+
+
+@router.delete("/{run_id}", response_model=RunBody, responses=UNKNOWN | {204: {"description": "It is removed."}})
+def delete(run_id: str, runs: AllRuns) -> RunBody | Response:
+    """Cancel a run that has not ended (200, and it is kept as cancelled); remove one that has, files and all (204)."""
+    if runs.delete(run_id).has_ended:
+        return Response(status_code=204)
+    return run_body(runs.get(run_id))
+
+
+# FastAPI would say that refusals, too, are event streams.
+REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/schemas/ErrorBody"}}}}
+
+
+@router.get(
+    "/{run_id}/events",
+    response_class=EventSourceResponse,
+    responses={404: REFUSED | {"description": "There is no such run."}, 422: REFUSED | {"description": "Bad input."}},
+)
+async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]:
+    """Follow a run by server-sent events: how it stands, whenever that changes, until it has ended."""
+    told = run_summary(run)
+    yield ServerSentEvent(data=told)
+    while not run.has_ended:
+        await asyncio.sleep(EVENT_PERIOD)
+        run = runs.get(run.id)
+        if (now := run_summary(run)) != told:
+            told = now
+            yield ServerSentEvent(data=told)
+
+
+NO_RECORDING = UNKNOWN | {409: {"model": ErrorBody, "description": "The run is not done: it has no files."}}
+
+
+@router.get("/{run_id}/recording.{ending}", response_class=FileResponse, responses=NO_RECORDING)
+def recording(
+    run: KnownRun,
+    ending: Ending,  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
+    runs: AllRuns,
+) -> FileResponse:
+    """The recording, the same bytes as from `walk run`; other formats than npz and csv are made when first asked for."""
+    return _download(run, f"recording.{ending}", runs)
+
+
+@router.get("/{run_id}/run.json", response_class=FileResponse, responses=NO_RECORDING)
+def run_json(run: KnownRun, runs: AllRuns) -> FileResponse:
+    """Scenario, all parameters in force, versions and metrics: the same bytes as from `walk run`."""
+    return _download(run, "run.json", runs)
+
+
+def _download(run: Run, name: str, runs: Runs) -> FileResponse:
+    """A file, under a name that tells the scenario."""
+    media_type = next((form.media_type for form in FORMATS.values() if form.file == name), "application/json")
+    stem = re.sub(r"[^\w.-]+", "-", run.name)[:60]
+    return FileResponse(
+        runs.file(run.id, name),
+        media_type=media_type,
+        filename=f"{stem}-{run.id[:8]}.{name.rpartition('.')[2]}",
+        headers={"Content-Security-Policy": "sandbox allow-scripts"},  # a replay is no page of ours
+    )

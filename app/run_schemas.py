@@ -1,0 +1,78 @@
+"""Runs as JSON."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import BaseModel, Field
+
+from app.formats import FORMATS
+from app.runs import Run
+from app.runs.run import Status
+
+
+class RunSummary(BaseModel):
+    """A scripted run, without what was sent and what came out."""
+
+    id: str
+    name: str = Field(description="Of the scenario.")
+    robot: str
+    duration: float = Field(description="Of the scenario [s].")
+    status: Status
+    reason: str = Field(description="Why it failed, or was cancelled.")
+    progress: float = Field(ge=0.0, le=1.0, description="Fraction of the ticks that are simulated.")
+    real_time_factor: float | None = Field(description="Simulated over real time; null before it is known.")
+    created: datetime
+    started: datetime | None
+    ended: datetime | None
+    size: int = Field(description="Of its files [bytes].")
+    files: dict[str, str] = Field(description="Address of each file of a run that was simulated to its end.")
+
+
+class RunBody(RunSummary):
+    """A scripted run."""
+
+    scenario: Mapping[str, Any] = Field(description="As it was sent.")
+    metrics: Mapping[str, Any] | None = Field(description="As run.json has them, of a run that is done.")
+
+
+def run_summary(run: Run) -> RunSummary:
+    """For a list."""
+    return RunSummary(**_summary(run))
+
+
+def run_body(run: Run) -> RunBody:
+    """All that is known."""
+    return RunBody(**_summary(run), scenario=run.scenario, metrics=run.metrics)
+
+
+def _summary(run: Run) -> dict[str, Any]:
+    return {
+        "id": run.id,
+        "name": run.name,
+        "robot": run.robot,
+        "duration": run.duration,
+        "status": run.status,
+        "reason": run.reason,
+        "progress": run.progress.fraction,
+        "real_time_factor": run.progress.real_time_factor,
+        "created": _time(run.created),
+        "started": _time(run.started),
+        "ended": _time(run.ended),
+        "size": run.size,
+        "files": _files(run) if run.size else {},
+    }
+
+
+def _files(run: Run) -> dict[str, str]:
+    names = {"json": "run.json"} | {form.ending: form.file for form in FORMATS.values()}
+    return {ending: f"{address(run.id)}/{name}" for ending, name in names.items()}
+
+
+def address(run_id: str) -> str:
+    """Where a run is told."""
+    return f"/api/v1/runs/{run_id}"
+
+
+def _time(seconds: float | None) -> datetime | None:
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)

@@ -1,0 +1,155 @@
+"""What the routes ask for: runs taken in, told, handed out, cancelled."""
+
+import logging
+import sqlite3
+import tempfile
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from app.formats import FORMATS
+from app.runs.converter import Converter
+from app.runs.errors import NoRecordingError, RunsUnavailableError
+from app.runs.limits import Limits, checked_scenario
+from app.runs.pool import Pool
+from app.runs.run import Run
+from app.runs.store import DataInUseError, RunStore
+from walkcore.recording import Recording
+
+logger = logging.getLogger(__name__)
+
+RETRY_AFTER = 10  # [s]
+
+
+class Runs:
+    """All runs of one server. All methods may be called from any thread."""
+
+    def __init__(
+        self, folder: Path, nb_workers: int, nb_queued: int, nb_kept: int, bytes_kept: int, limits: Limits
+    ) -> None:
+        """Open the data folder.
+
+        Args:
+            folder: where runs are kept; a temporary one takes its place where another server has it.
+            nb_workers: runs that are simulated at once.
+            nb_queued: runs that may wait.
+            nb_kept: ended runs that are kept; the oldest go first.
+            bytes_kept: size of all files that are kept; the oldest go first, the latest never.
+            limits: of one run.
+
+        Raises:
+            OSError: if the folder cannot be written to.
+        """
+        self.limits = limits
+        self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
+        self._temporary: tempfile.TemporaryDirectory[str] | None = None
+        self._store = self._open(folder)
+        self._pool = Pool(self._store, nb_workers, on_end=self._trim)
+        self._taking_in = threading.Lock()
+        self._converter = Converter()
+
+    def start(self) -> None:
+        """Begin with what is queued."""
+        self._pool.start()
+
+    def stop(self) -> None:
+        """End all processes. Runs under way are told as failed by the next server, queued ones taken up."""
+        self._converter.stop()
+        self._pool.stop()
+        self._store.close()
+        if self._temporary is not None:
+            self._temporary.cleanup()
+
+    def submit(self, scenario: Mapping[str, Any]) -> Run:
+        """Take in a scenario, to be simulated when a worker is free.
+
+        Raises:
+            InvalidValueError: if it is none, or beyond a limit.
+            RunsUnavailableError: if too many wait already, or the disk takes no more.
+        """
+        checked = checked_scenario(scenario, self.limits)
+        with self._taking_in:
+            if self._store.nb_queued() >= self._nb_queued:
+                raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
+            try:
+                run = self._store.add(scenario, checked.robot.name, checked.duration)
+            except sqlite3.OperationalError as error:
+                raise RunsUnavailableError(f"the run cannot be kept: {error}", RETRY_AFTER) from error
+        self._pool.wake()
+        return run
+
+    def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
+        """Keep a walk that was not simulated here, such as what was just driven live, as a run that is done."""
+        scenario = recording.scenario
+        run = self._store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
+        try:
+            recording.write(self._store.unfinished(run.id))
+            self._store.finish(run.id, real_time_factor)
+        except BaseException as error:
+            self._store.fail(run.id, f"could not be kept: {error}")
+            raise
+        self._trim()
+        return self._store.get(run.id)
+
+    def get(self, run_id: str) -> Run:
+        """One run, as it is now.
+
+        Raises:
+            UnknownRunError: if there is none of that id.
+        """
+        return self._with_progress(self._store.get(run_id))
+
+    def list(self) -> list[Run]:
+        """All of them, the latest first."""
+        return [self._with_progress(run) for run in self._store.list()]
+
+    def delete(self, run_id: str) -> Run:
+        """Cancel a run that has not ended, its process included; remove one that has.
+
+        Returns:
+            The run as it was: one that had not ended is there still, and is told as cancelled.
+
+        Raises:
+            UnknownRunError: if there is none of that id.
+        """
+        run = self._store.get(run_id)
+        if self._store.cancel(run_id):
+            self._pool.cancel(run_id)
+        else:
+            self._store.remove(run_id)
+        return run
+
+    def file(self, run_id: str, name: str) -> Path:
+        """A file of a run that was simulated to its end: run.json, or a recording, made now if need be.
+
+        Raises:
+            UnknownRunError: if there is no such run.
+            NoRecordingError: if the run has no files, or none of that name.
+            RunsUnavailableError: if too many are being made.
+        """
+        run = self._store.get(run_id)
+        path = self._store.files(run.id) / name
+        ending = next((form.ending for form in FORMATS.values() if form.file == name), None)
+        if run.size and ending is not None and not path.is_file():
+            self._converter.make(path.parent, ending, name)
+            self._store.measure(run.id)
+        if not path.is_file():
+            raise NoRecordingError(f"run {run_id} is {run.status}: it has no {name}")
+        return path
+
+    def _with_progress(self, run: Run) -> Run:
+        progress = self._pool.progress(run.id) if run.status == "running" else None
+        return run if progress is None else replace(run, progress=progress)
+
+    def _trim(self) -> None:
+        self._store.trim(self._nb_kept, self._bytes_kept)
+
+    def _open(self, folder: Path) -> RunStore:
+        try:
+            return RunStore(folder.expanduser())
+        except DataInUseError as error:
+            self._temporary = tempfile.TemporaryDirectory(prefix="walk-runs-")
+            logger.warning("%s; runs of this one are lost when it ends (give it its own WALK_DATA)", error)
+            return RunStore(Path(self._temporary.name))

@@ -1,0 +1,139 @@
+"""The last minute of the live walk, always kept, so that what was just driven can be saved as a run.
+
+Kept in short segments: the state before each, and tick by tick what was asked and what came of it. That
+is all it takes to walk the same way again, and to write the recording without walking again. Whoever has
+time between two ticks packs the segments that are full.
+"""
+
+import math
+import pickle
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from walkcore import Command, Parameters, Robot, Simulation, Snapshot
+from walkcore.pattern_generator import Plan
+from walkcore.recording import Recording, collect
+from walkcore.scenario import scenario_from_mapping
+from walkcore.session import session_scenario
+from walkcore.state import SimulationState
+from walkcore.values import read_only
+from walkcore.whole_body import WholeBody
+
+KEPT = 60.0  # [s] at least, of simulated time
+TICKS_PER_SEGMENT = 20  # so few that packing them takes less than 1 ms, and that they go by one message
+NOTHING = read_only(np.zeros((0, 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segment:
+    """What happened from a state on."""
+
+    parameters: Parameters
+    state: SimulationState
+    ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
+    changes: dict[int, Parameters] = field(default_factory=dict)
+    """Parameters that came into force before a tick, by its index in this segment."""
+
+
+class SessionLog:
+    """Keeps what happens to a simulation."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        """Of a simulation at its start."""
+        self._simulation = simulation
+        nb_segments = math.ceil(KEPT / simulation.parameters.control_period / TICKS_PER_SEGMENT)
+        self._packed: deque[bytes] = deque(maxlen=nb_segments)
+        self._full: deque[Segment] = deque(maxlen=nb_segments)
+        self._growing: Segment | None = None
+        self._before_reset: list[bytes] = []
+
+    def reset(self) -> None:
+        """The simulation begins anew: what came before is set aside until the next reset."""
+        self._before_reset = self.segments(False)
+        self._packed.clear()
+        self._growing = None
+
+    def begin(self) -> None:
+        """A tick is coming: a segment is needed for it."""
+        if self._growing is not None and len(self._growing.ticks) < TICKS_PER_SEGMENT:
+            return
+        if self._growing is not None:
+            self._full.append(self._growing)
+        self._growing = Segment(self._simulation.parameters, self._simulation.state)
+
+    def end(self, command: Command, snapshot: Snapshot) -> None:
+        """The tick is over."""
+        assert self._growing is not None
+        self._growing.ticks.append((command, _light(snapshot)))
+
+    def change(self, parameters: Parameters) -> None:
+        """Other parameters are in force from the next tick on."""
+        growing = self._growing
+        if growing is not None and len(growing.ticks) < TICKS_PER_SEGMENT:  # else the next one begins with them
+            growing.changes[len(growing.ticks)] = parameters
+
+    def pack(self) -> None:
+        """Make one full segment small."""
+        if self._full:
+            self._packed.append(_packed(self._full.popleft()))
+
+    def segments(self, is_before_reset: bool) -> list[bytes]:
+        """What is kept, since the last reset or of the walk before it."""
+        if is_before_reset:
+            return self._before_reset
+        while self._full:
+            self.pack()
+        return [*self._packed, *([] if self._growing is None else [_packed(self._growing)])]
+
+
+def _packed(segment: Segment) -> bytes:
+    return pickle.dumps(segment, pickle.HIGHEST_PROTOCOL)
+
+
+def _light(snapshot: Snapshot) -> Snapshot:
+    """Without the trajectories of its plan, which no recording has."""
+    plan = snapshot.plan
+    return replace(snapshot, plan=None if plan is None else _light_plan(plan))
+
+
+def _light_plan(plan: Plan) -> Plan:
+    return replace(plan, times=NOTHING, jerks=NOTHING, com=NOTHING, cop=NOTHING)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """A walk that was driven live, from a state on."""
+
+    segments: list[Segment]
+
+    @classmethod
+    def unpacked(cls, segments: list[bytes]) -> "Session":
+        """From what `SessionLog.segments` gives."""
+        return cls([pickle.loads(segment) for segment in segments])
+
+    def recording(self, name: str, robot: Robot) -> Recording:
+        """The recording, of what happened: nothing is simulated again.
+
+        Args:
+            name: of its scenario, which replayed leads to the same rows.
+            robot: that walked.
+        """
+        ticks = [tick for segment in self.segments for tick in segment.ticks]
+        first = self.segments[0]
+        commands = [command for command, _ in ticks]
+        mapping = session_scenario(name, robot.name, first.parameters, first.state, commands, dict(self._changes()))
+        body = None if robot.body is None else WholeBody(robot.body)
+        return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
+
+    def _changes(self) -> Iterator[tuple[int, Parameters]]:
+        """What changed the parameters, by the index of the tick before which it did."""
+        in_force, start = self.segments[0].parameters, 0
+        for segment in self.segments:
+            for index, parameters in {0: segment.parameters, **segment.changes}.items():
+                if parameters != in_force:
+                    yield start + index, parameters
+                    in_force = parameters
+            start += len(segment.ticks)

@@ -1,0 +1,49 @@
+"""The API keeps what its document promises, whatever it is sent."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import schemathesis
+from conftest import Server, start_server
+from hypothesis import HealthCheck, given, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import GenerationMode
+from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    server = start_server("--robot", "hrp2", "--scene", "light", RUNS_QUEUED="5")
+    yield server
+    server.process.terminate()
+    server.process.wait(10)
+    assert "Traceback" not in "".join(server.output), "".join(server.output)
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
+def test_every_answer_is_as_documented(server, mode):
+    document = schemathesis.openapi.from_url(f"{server.url}openapi.json")
+    problems = []
+    for found in document.get_all_operations():
+        operation = found.ok()
+        try:
+            try_out(operation, mode)
+        except Unsatisfiable:  # it takes nothing that could be wrong
+            assert mode is GenerationMode.NEGATIVE
+        except BaseExceptionGroup as failures:
+            problems += [f"{operation.label}: {failure}" for failure in failures.exceptions]
+        except Exception as failure:
+            problems.append(f"{operation.label}: {failure!r}")
+    assert not problems, "\n".join(problems)
+
+
+def try_out(operation: Any, mode: GenerationMode) -> None:
+    @FEW
+    @given(case=operation.as_strategy(generation_mode=mode))
+    def send(case: Any) -> None:
+        case.call_and_validate(timeout=30.0, excluded_checks=[positive_data_acceptance])
+
+    send()

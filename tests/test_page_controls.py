@@ -1,0 +1,395 @@
+"""What a person can do on the page, and what it tells; the three-dimensional scene is left out, which costs most."""
+
+import re
+import time
+from collections.abc import Callable, Iterator
+
+import httpx
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from conftest import Server, start_server
+from hands import Finger, Mouse, centre
+from playwright.sync_api import Browser, Page, Route, expect
+
+DESKTOP = {"viewport": {"width": 1280, "height": 800}}
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+PATIENCE = 60.0  # [s] on the wall, after which something hangs
+UP = re.compile("walking|standing")
+SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
+
+expect.set_options(timeout=1e3 * PATIENCE)
+
+
+@pytest.fixture
+def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Callable[..., Page]]:
+    """Opens the page in a browser of its own, and holds it to write no errors to the console until the test is over."""
+    pages: list[Page] = []
+    complaints: list[str] = []
+
+    def open_page(url: str = "", before: str = "", **device) -> Page:
+        context = browser.new_context(**(device or DESKTOP))
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.route("**/viewer/**", _stand_in)
+        page.add_init_script(before)
+        page.set_default_timeout(1e3 * PATIENCE)
+        pages.append(page)
+        page.goto(url or server.url)
+        expect(page.get_by_test_id("status")).to_contain_text(UP)
+        return page
+
+    yield open_page
+    for page in pages:
+        page.context.close()
+    assert complaints == []
+
+
+def _stand_in(route: Route) -> None:
+    route.fulfill(body=SCENE, content_type="text/html")
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.05)
+
+
+def live(api: httpx.Client) -> dict:
+    return api.get("live").json()
+
+
+def wait_for_reference(api: httpx.Client, **signs: int) -> dict:
+    """The first state whose reference has these signs, zero where none is given."""
+
+    def fits(state: dict) -> bool:
+        return all(
+            (state[f"reference_{name}"] > 0) - (state[f"reference_{name}"] < 0) == signs.get(name, 0)
+            for name in ("vx", "vy", "yaw_rate")
+        )
+
+    wait_for(lambda: fits(live(api)))
+    return live(api)
+
+
+def test_the_source_touched_last_drives_and_gives_back_what_is_still_held(visit, api):
+    page = visit()
+    page.keyboard.down("i")
+    assert wait_for_reference(api, vx=1)["driver"] == "keyboard"
+    mouse, (x, y) = Mouse(page), centre(page.get_by_test_id("joystick"))
+    mouse.drag((x, y), (x + 60, y))
+    assert wait_for_reference(api, vy=-1)["driver"] == "joystick"
+    expect(page.get_by_test_id("driver")).to_have_text("you drive: joystick")
+    mouse.lift()
+    assert wait_for_reference(api, vx=1)["driver"] == "keyboard"
+    page.keyboard.up("i")
+    assert wait_for_reference(api)["driver_client"] != ""
+    wait_for(lambda: live(api)["driver"] == "none")
+
+
+def test_keys_drive_while_the_scene_has_the_focus(visit, api):
+    page = visit()
+    page.mouse.click(640, 300)
+    assert page.evaluate("document.activeElement.id") == "viewer"
+    page.keyboard.down("j")
+    wait_for_reference(api, yaw_rate=1)
+    page.keyboard.up("j")
+    wait_for_reference(api)
+
+
+def test_zero_stops_a_held_key_until_the_next_touch(visit, api):
+    page = visit()
+    page.keyboard.down("i")
+    wait_for_reference(api, vx=1)
+    page.keyboard.press("h")
+    wait_for_reference(api)
+    wait_for(lambda: live(api)["driver"] == "none")
+    page.keyboard.down("u")
+    wait_for_reference(api, vx=1, vy=1)
+    page.keyboard.up("u")
+    page.keyboard.up("i")
+
+
+def test_two_browsers_and_a_phone_see_who_drives(visit, api):
+    watching, keys, phone = visit(), visit(), visit(**PHONE)
+    keys.keyboard.down("i")
+    expect(keys.get_by_test_id("driver")).to_have_text("you drive: keyboard")
+    for other in (watching, phone):
+        expect(other.get_by_test_id("driver")).to_have_text("another browser drives: keyboard")
+    finger, (x, y) = Finger(phone), centre(phone.get_by_test_id("joystick"))
+    finger.drag((x, y), (x, y + 50))
+    wait_for_reference(api, vx=-1)
+    for _ in range(10):  # the key is still held, and must not pull the robot to and fro
+        assert live(api)["reference_vx"] < 0.0
+    expect(phone.get_by_test_id("driver")).to_have_text("you drive: joystick")
+    expect(keys.get_by_test_id("driver")).to_have_text("another browser drives: joystick")
+    finger.lift()
+    wait_for_reference(api, vx=1)
+    keys.keyboard.up("i")
+    wait_for_reference(api)
+
+
+FAKE_GAMEPAD = """
+const pad = {id: "Fake pad", index: 0, connected: true, mapping: "standard", axes: [0, 0, 0, 0],
+             buttons: Array.from({length: 12}, () => ({pressed: false, value: 0}))};
+window.pads = [null, pad];
+window.pad = pad;
+navigator.getGamepads = () => window.pads;
+"""
+
+
+def test_gamepad_drives_beyond_its_dead_zone_and_pushes_and_pauses(visit, api):
+    page = visit(before=FAKE_GAMEPAD)
+    expect(page.locator("#notices")).to_contain_text("Gamepad connected: Fake pad")
+    page.evaluate("pad.axes = [0.05, -0.1, 0.1, 0]")
+    page.wait_for_timeout(300)
+    assert live(api)["driver"] == "none"
+    page.evaluate("pad.axes = [0, -1, 0, 0]")
+    assert wait_for_reference(api, vx=1)["driver"] == "gamepad"
+    page.evaluate("pads = []")
+    expect(page.locator("#notices")).to_contain_text("Gamepad gone")
+    wait_for_reference(api)
+    page.evaluate("pad.axes = [0, 0, 0, 0]; pads = [pad]; pad.buttons[9] = {pressed: false, value: 0}")
+    page.wait_for_timeout(200)
+    page.evaluate("pad.buttons[9] = {pressed: true, value: 1}")
+    wait_for(lambda: not live(api)["running"])
+    page.evaluate("pad.buttons[0] = {pressed: true, value: 1}")
+    wait_for(lambda: api.post("live/step").json()["push_y"] > 0.0)
+
+
+def test_gamepad_is_tested_and_remapped_and_the_page_remembers_it(visit, api):
+    page = visit(before=FAKE_GAMEPAD)
+    page.get_by_role("button", name="Gamepad", exact=True).click()
+    sheet = page.locator("#gamepad-dialog")
+    expect(sheet).to_contain_text("Fake pad")
+    page.evaluate("pad.axes = [0, 0.75, 0, 0]; pad.buttons[3] = {pressed: true, value: 1}")
+    expect(sheet.get_by_role("meter", name="Axis 1")).to_have_js_property("value", 0.75)
+    expect(sheet.locator("#gamepad-buttons .on")).to_have_text("3")
+    assert live(api)["driver"] == "none", "the robot listens while the pad is being tested"
+    page.evaluate("pad.axes = [0, 0, 0, 0]; pad.buttons[3] = {pressed: false, value: 0}")
+    sheet.get_by_role("button", name="forward: axis 1 −").click()
+    expect(sheet).to_contain_text("move a stick: forward")
+    page.evaluate("pad.axes = [0, 0, 0, 0.9]")
+    expect(sheet.get_by_role("button", name="forward: axis 3 +")).to_be_visible()
+    page.evaluate("pad.axes = [0, 0, 0, 0]")
+    sheet.get_by_role("button", name="zero: button 1").click()
+    page.evaluate("pad.buttons[5] = {pressed: true, value: 1}")
+    expect(sheet.get_by_role("button", name="zero: button 5")).to_be_visible()
+
+    page.reload()
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+    page.evaluate("pad.axes = [0, 0, 0, -1]")
+    wait_for_reference(api, vx=-1)
+    page.evaluate("pad.buttons[5] = {pressed: true, value: 1}")
+    wait_for_reference(api)
+
+
+def test_page_tells_where_a_browser_gives_no_gamepads(visit):
+    page = visit(before="Object.defineProperty(window, 'isSecureContext', {value: false})")
+    page.get_by_role("button", name="Gamepad", exact=True).click()
+    expect(page.get_by_test_id("gamepad-note")).to_contain_text("https")
+
+
+def test_page_that_is_no_longer_seen_lets_go(visit, api):
+    page = visit()
+    page.keyboard.down("i")
+    wait_for_reference(api, vx=1)
+    page.evaluate("""Object.defineProperty(document, 'hidden', {value: true, configurable: true});
+                     document.dispatchEvent(new Event('visibilitychange'))""")
+    wait_for_reference(api)
+    page.keyboard.up("i")
+
+
+def test_hint_leaves_with_the_first_use_for_good(visit):
+    page = visit()
+    driver, push = page.get_by_test_id("driver"), page.get_by_test_id("last-push")
+    expect(driver).to_have_text("Drag to walk, or hold I")
+    expect(push).to_have_text("Aim the ring, then push")
+    page.keyboard.press("j", delay=300)
+    page.keyboard.press("Space")
+    expect(driver).to_have_text("nobody drives")
+    expect(push).not_to_have_text("Aim the ring, then push")
+    page.reload()
+    expect(driver).to_have_text("nobody drives")
+
+
+def test_time_stops_and_passes_tick_by_tick(visit, api):
+    page = visit()
+    one_tick = page.get_by_role("button", name="1 tick")
+    expect(one_tick).to_be_hidden()
+    page.keyboard.press("p")
+    one_tick.click()
+    tick = live(api)["tick"]
+    one_tick.click()
+    wait_for(lambda: live(api)["tick"] == tick + 1)
+    page.keyboard.press("p")
+    expect(one_tick).to_be_hidden()
+    wait_for(lambda: live(api)["tick"] > tick + 20)
+
+
+def test_samples_speed_and_both_times(visit, api):
+    page = visit()
+    page.keyboard.press("p")
+    start = api.post("live/reset").json()
+    page.get_by_role("button", name="1 sample").click()
+    wait_for(lambda: live(api)["t"] == pytest.approx(start["t"] + 0.1))
+    page.get_by_test_id("speed").select_option(label="1/4 ×")
+    wait_for(lambda: live(api)["speed"] == 0.25)
+    page.keyboard.press("p")
+    wait_for(lambda: live(api)["t"] > 0.5)
+    expect(page.locator("#factor")).to_have_text(re.compile(r"0\.[12]\d"))
+    expect(page.locator("#real-time")).to_have_text(re.compile(r"of 0:0\d\.\d"))
+    api.post("live/speed", json={"factor": 0.3})
+    expect(page.get_by_test_id("speed")).to_have_value("0.3")  # as somebody else chose
+    page.get_by_test_id("speed").select_option(label="1 ×")
+    wait_for(lambda: live(api)["speed"] == 1.0)
+
+
+def test_page_tells_what_became_of_the_last_push(visit, api):
+    page = visit()
+    page.get_by_test_id("push").click()
+    expect(page.get_by_test_id("last-push")).to_have_text(re.compile(r"12 N·s: caught (in \d steps?|without a step)"))
+    api.post("live/push", json={"impulse": [0.0, -60.0]})
+    expect(page.get_by_test_id("last-push")).to_have_text("fell to 60 N·s")
+    expect(page.get_by_test_id("status")).to_contain_text("fallen")
+    expect(page.get_by_role("alert")).to_contain_text("Press Reset")
+    page.get_by_test_id("reset").click()
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+
+
+def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
+    page, other = visit(), visit()
+    page.get_by_test_id("random").click()
+    for each in (page, other):
+        expect(each.get_by_test_id("random")).to_have_attribute("aria-pressed", "true")
+    assert live(api)["random_pushes"]["strength"] == 12.0
+    page.get_by_label("Strength of the push in newton seconds").focus()
+    page.keyboard.press("ArrowRight")
+    wait_for(lambda: live(api)["random_pushes"]["strength"] == 13.0)
+    other.get_by_test_id("random").click()
+    wait_for(lambda: live(api)["random_pushes"] is None)
+
+
+def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit, api, server):
+    before = api.get("live/parameters").json()
+    try:
+        api.patch("live/parameters", json={"scheme": "speed_and_jerk", "alpha": 2e-6})
+        api.put("live/reference", json={"vx": 0.1})
+        page = visit(**DESKTOP, permissions=["clipboard-read", "clipboard-write"])
+        wait_for(lambda: live(api)["driver"] == "rest")
+        page.get_by_role("button", name="Copy link").click()
+        expect(page.locator("#notices")).to_contain_text("Link copied: scheme speed_and_jerk")
+        link = page.evaluate("navigator.clipboard.readText()")
+        assert link == f"{server.url}#scheme=speed_and_jerk&alpha=0.000002&vx=0.1"
+
+        api.patch("live/parameters", json=before)
+        api.put("live/reference", json={})
+        other = visit(link)
+        expect(other.locator("#notices")).to_contain_text("changes the robot for everybody")
+        assert api.get("live/parameters").json() == before
+        other.get_by_role("button", name="Apply").click()
+        expect(other.locator("#notices")).to_contain_text("Applied")
+        assert api.get("live/parameters").json() == before | {"scheme": "speed_and_jerk", "alpha": 2e-6}
+        wait_for_reference(api, vx=1)
+        assert other.url == server.url
+    finally:
+        api.patch("live/parameters", json=before)
+
+
+def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
+    page = visit()
+    wait_for(lambda: live(api)["tick"] > 50)
+    page.get_by_role("button", name="Save").click()
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Saved the last")
+    link = notices.get_by_role("link", name="csv").get_attribute("href")
+    header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
+    assert header.startswith("tick,t,com_x")
+
+
+def test_refusal_is_told_in_words(visit, server):
+    page = visit(f"{server.url}#scheme=magic")
+    page.get_by_role("button", name="Apply").click()
+    expect(page.locator("#notices")).to_contain_text('scheme = "magic": must be one of')
+
+
+@pytest.mark.parametrize(("device", "colours"), [(DESKTOP, "light"), (PHONE, "dark")], ids=["desktop", "phone"])
+def test_axe_finds_nothing_serious(visit, device, colours):
+    page = visit(**device, color_scheme=colours, reduced_motion="reduce")
+    found = {"page": serious(page)}
+    page.get_by_role("button", name="Help").click()
+    found["help"] = serious(page)
+    page.get_by_role("button", name="Gamepad …").click()
+    found["gamepad"] = serious(page)
+    assert found == {"page": [], "help": [], "gamepad": []}
+
+
+def serious(page: Page) -> list[str]:
+    violations = Axe().run(page, options={"iframes": False}).response["violations"]
+    return [
+        f"{v['id']}: {node['target']} {node['failureSummary']}"
+        for v in violations
+        if v["impact"] in ("serious", "critical")
+        for node in v["nodes"]
+    ]
+
+
+def test_everything_is_reached_by_the_keyboard(visit):
+    page = visit()
+    reached = set()
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    controls = {"joystick", "turn", "zero", "stop", "speed", "reset", "ring", "push", "strength", "random"}
+    assert reached >= controls | {"gamepad", "share", "save", "help", "panel"}
+
+
+def test_software_renderer_gets_the_light_view_unless_told_otherwise(visit):
+    page = visit()
+    viewer = page.get_by_test_id("viewer")
+    expect(viewer).to_have_attribute("data-look", "light")
+    expect(viewer).to_have_attribute("src", re.compile("viewer%2Flight"))
+    page.keyboard.press("?")
+    page.get_by_label("View").select_option("full")
+    expect(viewer).to_have_attribute("data-look", "full")
+    page.reload()
+    expect(viewer).to_have_attribute("data-look", "full")
+
+
+SLOW_GRAPHICS_CARD = """
+WebGL2RenderingContext.prototype.getParameter = () => "A graphics card";
+const soon = window.requestAnimationFrame;
+window.requestAnimationFrame = (draw) => setTimeout(() => soon(draw), 200);
+"""
+
+
+def test_slow_scene_is_loaded_anew_with_less_to_draw(visit):
+    page = visit(before=SLOW_GRAPHICS_CARD)
+    viewer = page.get_by_test_id("viewer")
+    expect(viewer).to_have_attribute("data-look", "full")
+    expect(viewer).to_have_attribute("data-look", "light")
+    expect(page.locator("#notices")).to_contain_text("slow")
+
+
+def test_page_says_that_the_connection_is_lost_and_finds_a_server_that_restarts(browser):
+    server = start_server("--robot", "hrp2")
+    port = server.host.rpartition(":")[2]
+    page = browser.new_page(**DESKTOP)
+    try:
+        page.route("**/viewer/**", _stand_in)
+        page.goto(server.url)
+        status = page.get_by_test_id("status")
+        expect(status).to_contain_text(UP)
+        server.process.terminate()
+        server.process.wait(10)
+        expect(status).to_contain_text("no connection")
+        expect(page.get_by_role("alert")).to_contain_text("retrying")
+        server = start_server("--robot", "hrp2", "--port", port)
+        expect(status).to_contain_text(UP)
+        page.keyboard.down("i")
+        with server.client() as api:
+            wait_for_reference(api, vx=1)
+    finally:
+        page.close()
+        server.process.terminate()
+        server.process.wait(10)

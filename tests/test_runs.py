@@ -1,0 +1,458 @@
+"""Scripted runs: taken in, simulated elsewhere, kept, and handed out as `walk run` writes them."""
+
+import json
+import math
+import subprocess
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import psutil
+import pytest
+from conftest import WALK, Server, start_server
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from app.formats import FORMATS
+from app.runs import Limits, NoRecordingError, Run, Runs, RunsUnavailableError, UnknownRunError
+from app.runs.limits import checked_scenario
+from app.runs.store import SERVER_DIED, RunStore
+from walkcore.errors import InvalidValueError
+from walkcore.recording import record
+from walkcore.scenario import scenario_from_mapping
+
+PATIENCE = 60.0  # [s] on a busy machine
+SHORT = {
+    "name": "short",
+    "robot": "hrp2",
+    "duration": 2.0,
+    "parameters": {"control_period": 0.1, "alpha": 1e-5},
+    "events": [{"t": 0.3, "reference": {"vx": 0.2}}, {"t": 1, "push": {"impulse": [0, 2.5], "frame": "world"}}],
+}
+LONG = {"name": "long", "robot": "hrp2", "duration": 500.0}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory) -> Iterator[Server]:
+    """A server of its own, with room for few runs."""
+    folder = tmp_path_factory.mktemp("server") / "runs"
+    server = start_server("--robot", "hrp2", "--scene", "light", WALK_DATA=str(folder), RUNS_QUEUED="20")
+    yield server
+    server.process.terminate()
+    server.process.wait(10)
+    assert "Traceback" not in "".join(server.output), "".join(server.output)
+
+
+@pytest.fixture
+def api(server) -> Iterator[httpx.Client]:
+    """A client of a server that has no runs."""
+    with server.client() as client:
+        while runs := client.get("runs").json():
+            for run in runs:
+                client.delete(f"runs/{run['id']}")
+        yield client
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory) -> Iterator[Runs]:
+    """Runs without a server, with a worker."""
+    runs = service(tmp_path_factory.mktemp("started"))
+    runs.start()
+    yield runs
+    runs.stop()
+
+
+@pytest.fixture
+def runs(tmp_path) -> Iterator[Runs]:
+    """Runs without a server; nothing is simulated."""
+    runs = service(tmp_path / "data")
+    yield runs
+    runs.stop()
+
+
+def service(folder: Path, **changes: Any) -> Runs:
+    sizes = {"nb_workers": 1, "nb_queued": 5, "nb_kept": 10, "bytes_kept": 10**9, "limits": Limits()}
+    return Runs(folder, **(sizes | changes))
+
+
+def ended(get: Any, run_id: str) -> Any:
+    """A run, once nothing more will change."""
+    end = time.monotonic() + PATIENCE
+    while (run := get(run_id)).has_ended is False:
+        assert time.monotonic() < end, run
+        time.sleep(0.02)
+    return run
+
+
+def ended_over_rest(api: httpx.Client, run_id: str) -> dict:
+    end = time.monotonic() + PATIENCE
+    while (run := api.get(f"runs/{run_id}").json())["status"] in ("queued", "running"):
+        assert time.monotonic() < end, run
+        time.sleep(0.05)
+    return run
+
+
+def wait_until_running(get: Any, run_id: str) -> Any:
+    end = time.monotonic() + PATIENCE
+    while (run := get(run_id)).progress.fraction == 0.0:
+        assert time.monotonic() < end and not run.has_ended, run
+        time.sleep(0.02)
+    return run
+
+
+def workers(server: int | None = None) -> list[psutil.Process]:
+    """Processes that simulate, of a server or of this process; none that has ended."""
+    children = psutil.Process(server).children()
+    return [child for child in children if any("spawn_main" in word for word in child.cmdline())]
+
+
+# Over REST
+
+
+def test_a_posted_run_gives_the_same_bytes_as_the_command_line(api, tmp_path):
+    answer = api.post("runs", json=SHORT)
+    assert answer.status_code == 202
+    location = answer.headers["location"]
+    assert location == f"/api/v1/runs/{answer.json()['id']}"
+    run = ended_over_rest(api, answer.json()["id"])
+    assert (run["status"], run["reason"], run["progress"]) == ("done", "", 1.0)
+    assert run["scenario"] == SHORT and run["metrics"]["ticks"] == 20 and run["real_time_factor"] > 0.0
+    assert run["created"] <= run["started"] <= run["ended"]
+
+    file = tmp_path / "scenario.json"
+    file.write_text(json.dumps(SHORT))
+    subprocess.run([WALK, "run", file, "--out", tmp_path / "out"], check=True, capture_output=True, timeout=60)
+    size = 0
+    for name in ("recording.npz", "recording.csv", "run.json"):
+        sent = httpx.get(f"{str(api.base_url).removesuffix('/api/v1/')}{location}/{name}")
+        assert sent.content == (tmp_path / "out" / name).read_bytes(), name
+        size += len(sent.content)
+    assert run["size"] == size
+    assert {address.rpartition("/")[2] for address in run["files"].values()} >= {"recording.npz", "run.json"}
+
+
+def test_events_follow_a_run_to_its_end(api):
+    run_id = api.post("runs", json={"name": "followed", "robot": "hrp2", "duration": 4.0}).json()["id"]
+    told = []
+    with api.stream("GET", f"runs/{run_id}/events", timeout=PATIENCE) as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        for line in stream.iter_lines():  # ends with the run
+            if line.startswith("data:"):
+                told.append(json.loads(line.removeprefix("data:")))
+    assert [run["id"] for run in told] == [run_id] * len(told)
+    assert told[-1]["status"] == "done" and told[-1]["progress"] == 1.0
+    fractions = [run["progress"] for run in told]
+    assert fractions == sorted(fractions) and len(told) >= 2
+    assert all(told[i] != told[i + 1] for i in range(len(told) - 1))
+
+
+def test_runs_are_listed_latest_first(api):
+    ids = [api.post("runs", json=SHORT | {"name": f"number {i}"}).json()["id"] for i in range(3)]
+    listed = api.get("runs").json()
+    assert [run["id"] for run in listed] == ids[::-1]
+    assert [run["name"] for run in listed] == ["number 2", "number 1", "number 0"]
+
+
+def test_delete_stops_a_running_run_and_removes_an_ended_one(api, server):
+    run_id = api.post("runs", json=LONG).json()["id"]
+    end = time.monotonic() + PATIENCE
+    while api.get(f"runs/{run_id}").json()["progress"] == 0.0:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    busy = workers(server.process.pid)
+    assert busy
+    assert api.get(f"runs/{run_id}/recording.npz").status_code == 409
+    answer = api.delete(f"runs/{run_id}")
+    assert answer.status_code == 200 and answer.json()["status"] == "cancelled"
+    assert workers(server.process.pid) == []
+    assert api.get(f"runs/{run_id}").json()["status"] == "cancelled"
+    assert api.get(f"runs/{run_id}/recording.npz").status_code == 409
+    assert api.delete(f"runs/{run_id}").status_code == 204
+    assert api.get(f"runs/{run_id}").status_code == 404 and api.delete(f"runs/{run_id}").status_code == 404
+    assert ended_over_rest(api, api.post("runs", json=SHORT).json()["id"])["status"] == "done", "the next one is taken"
+
+
+def test_a_hundred_at_once_are_taken_in_or_put_off_and_the_live_robot_walks_on(api):
+    api.post("live/reset")
+    answers: list[httpx.Response] = []
+    threads = [threading.Thread(target=lambda: answers.append(api.post("runs", json=SHORT))) for _ in range(100)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    counts = Counter(answer.status_code for answer in answers)
+    assert set(counts) <= {202, 503} and sum(counts.values()) == 100 and counts[202] >= 20
+    refused = [answer for answer in answers if answer.status_code == 503]
+    assert all(int(answer.headers["retry-after"]) > 0 and answer.json()["detail"] for answer in refused)
+    taken = {answer.json()["id"] for answer in answers if answer.status_code == 202}
+    assert {ended_over_rest(api, run_id)["status"] for run_id in taken} == {"done"}
+    state = api.get("live").json()
+    assert state["tick"] > 100 and state["running"] and not state["fault"] and state["status"] == 0
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ('{"robot": "hrp2", "duration": 1e308}', "duration"),
+        ('{"robot": "hrp2", "duration": NaN}', "duration"),
+        ('{"robot": "hrp2", "duration": 601}', "duration"),
+        ('{"robot": "hrp2", "duration": 1' + "0" * 400 + "}", "duration"),
+        ('{"robot": "hrp2", "duration": 1' + "0" * 5000 + "}", "body"),
+        ('{"robot": "hrp2", "duration": 600, "parameters": {"control_period": 0.001}}', "ticks"),
+        ('{"robot": "../../etc/passwd", "duration": 1}', "robot"),
+        ('{"robot": ["hrp2"], "duration": 1}', "robot"),
+        ('{"duration": 1, "parameters": {"scheme": ["full"]}}', "parameters.scheme"),
+        ('{"duration": 1, "events": [' + ",".join(['{"t": 0}'] * 1001) + "]}", "events"),
+        ('{"duration": 1, "events": [' + ",".join(["[]"] * 5000) + "]}", "events.0"),
+        ('{"duration": 1, "events": [{"t": 0, "reference": {"vx": 1e308}}]}', "events[0].reference.vx"),
+        ('{"duration": 1, "events": [{"t": 0, "push": {"impulse": [[1], 2]}}]}', "events.0.push.impulse.0"),
+        ('{"duration": 1, "name": "' + "x" * 2000 + '"}', "text"),
+        ('{"duration": 1, "name": "\\ud800"}', "text"),
+        ('{"duration": 1, "\\ud800": 1}', "?"),
+        ('{"duration": 1, "name": ' + "[" * 50 + "]" * 50 + "}", "name"),
+        ('{"duration": 1, "x": ' + "[" * 500 + "]" * 500 + "}", "x"),
+        ("[" * 100_000, "body"),
+        ("[]", "body"),
+        ("", "body"),
+    ],
+)
+def test_a_hostile_scenario_is_refused_with_its_field(api, body, field):
+    answer = api.post("runs", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+    assert all(set(error) == {"field", "value", "limit"} for error in answer.json()["errors"])
+    assert answer.json()["errors"][0]["field"].split(" ")[0] == field
+    assert len(answer.content) < 6000 and api.get("runs").json() == []
+
+
+@pytest.mark.parametrize("is_announced", [True, False])
+def test_a_body_that_is_too_long_is_not_read(api, is_announced):
+    body = b" " * 300_000
+    chunks = (body[i : i + 1000] for i in range(0, len(body), 1000))
+    answer = api.post("runs", content=body if is_announced else chunks, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 413 and set(answer.json()) == {"detail", "errors"}
+
+
+@pytest.mark.parametrize("run_id", ["..", "../..", "..%2f..%2fetc", "%2e%2e", "%00", "x' OR 1=1 --", "a" * 3000, "٣"])
+def test_an_id_leads_nowhere_else(api, server, run_id):
+    api.post("runs", json=SHORT)
+    for rest in ("", "/recording.npz", "/run.json", "/events", "/recording.npz/../../../runs.sqlite"):
+        answer = httpx.get(f"{server.url}api/v1/runs/{run_id}{rest}")
+        assert answer.status_code in (404, 422) and set(answer.json()) == {"detail", "errors"}
+
+
+def test_an_unknown_ending_is_refused(api):
+    run_id = api.post("runs", json=SHORT).json()["id"]
+    ended_over_rest(api, run_id)
+    assert api.get(f"runs/{run_id}/recording.exe").status_code == 422
+
+
+def test_runs_survive_a_server_that_is_killed(tmp_path):
+    folder = str(tmp_path / "data")
+    server = start_server("--robot", "hrp2", WALK_DATA=folder, RUNS_WORKERS="1")
+    with server.client() as api:
+        done = api.post("runs", json=SHORT).json()["id"]
+        ended_over_rest(api, done)
+        recording = api.get(f"runs/{done}/recording.npz").content
+        under_way, waiting = (api.post("runs", json=scenario).json()["id"] for scenario in (LONG, SHORT))
+        while api.get(f"runs/{under_way}").json()["progress"] == 0.0:
+            time.sleep(0.05)
+    orphans = psutil.Process(server.process.pid).children(recursive=True)
+    server.process.kill()
+    server.process.wait(10)
+
+    server = start_server("--robot", "hrp2", WALK_DATA=folder)
+    with server.client() as api:
+        run = api.get(f"runs/{under_way}").json()
+        assert (run["status"], run["reason"]) == ("failed", SERVER_DIED)
+        assert ended_over_rest(api, waiting)["status"] == "done", "what waited is taken up"
+        assert api.get(f"runs/{done}/recording.npz").content == recording
+        assert len(api.get("runs").json()) == 3
+    assert psutil.wait_procs(orphans, timeout=PATIENCE)[1] == [], "workers of the dead server end by themselves"
+    assert {path.name for path in (tmp_path / "data" / "done").iterdir()} == {done, waiting}
+    server.process.terminate()
+    server.process.wait(10)
+
+
+# Without a server
+
+
+def test_a_scenario_that_cannot_be_walked_fails_with_its_reason(started):
+    run = ended(started.get, started.submit({"duration": 1.0, "parameters": {"com_height": 1.9}}).id)
+    assert run.status == "failed" and run.reason and run.size == 0
+    with pytest.raises(NoRecordingError, match="failed"):
+        started.file(run.id, "run.json")
+
+
+def test_a_run_that_breaks_what_it_expects_fails_and_keeps_its_files(started):
+    run = ended(started.get, started.submit(SHORT | {"expect": {"not_fallen": False}}).id)
+    assert run.status == "failed" and "not_fallen" in run.reason and run.progress.fraction == 1.0
+    assert started.file(run.id, "recording.npz").is_file()
+
+
+def test_other_formats_are_made_when_asked_for_as_the_command_line_makes_them(started, tmp_path):
+    run = ended(started.get, started.submit(SHORT).id)
+    recording = record(scenario_from_mapping(SHORT))
+    for ending in ("parquet", "mcap"):
+        FORMATS[ending].write(recording, tmp_path / f"recording.{ending}")
+        made = started.file(run.id, f"recording.{ending}")
+        assert made.read_bytes() == (tmp_path / f"recording.{ending}").read_bytes()
+    files = list(made.parent.iterdir())
+    assert len(files) == 5 and started.get(run.id).size == sum(file.stat().st_size for file in files)
+
+
+def test_a_worker_that_dies_fails_its_run_and_the_next_gets_another(started):
+    long, short = started.submit(LONG).id, started.submit(SHORT).id
+    wait_until_running(started.get, long)
+    for worker in workers():
+        worker.kill()
+    run = ended(started.get, long)
+    assert run.status == "failed" and "-9" in run.reason
+    assert ended(started.get, short).status == "done"
+
+
+def test_the_queue_is_bounded(runs):
+    ids = [runs.submit(SHORT).id for _ in range(5)]
+    with pytest.raises(RunsUnavailableError, match="5 runs wait"):
+        runs.submit(SHORT)
+    assert runs.delete(ids[1]).status == "queued" and runs.get(ids[1]).status == "cancelled"
+    runs.submit(SHORT)
+
+
+def test_a_walk_from_elsewhere_is_kept_as_a_run(runs, tmp_path):
+    recording = record(scenario_from_mapping(SHORT))
+    run = runs.add_finished(recording, real_time_factor=1.0)
+    assert (run.status, run.name, run.robot, run.progress.real_time_factor) == ("done", "short", "hrp2", 1.0)
+    recording.write(tmp_path / "written")
+    for name in ("recording.npz", "recording.csv", "run.json"):
+        assert runs.file(run.id, name).read_bytes() == (tmp_path / "written" / name).read_bytes()
+
+
+def kept(folder: Path, **limits: int) -> list[Run]:
+    runs = service(folder, **limits)
+    recording = record(scenario_from_mapping(SHORT))
+    try:
+        for _ in range(4):
+            runs.add_finished(recording)
+        runs.submit(SHORT)
+        assert {path.name for path in (folder / "done").iterdir()} == {run.id for run in runs.list() if run.size}
+        return [run for run in runs.list() if run.has_ended]
+    finally:
+        runs.stop()
+
+
+def test_the_oldest_runs_go_first_by_count_and_by_size(tmp_path):
+    assert len(kept(tmp_path / "by count", nb_kept=3)) == 3
+    everything = kept(tmp_path / "all")
+    assert len(everything) == 4
+    two = everything[0].size + everything[1].size
+    assert len(kept(tmp_path / "by size", bytes_kept=two)) == 2
+    assert len(kept(tmp_path / "too small", bytes_kept=1)) == 1, "the latest stays"
+    numbers = [run.created for run in everything]
+    assert numbers == sorted(numbers, reverse=True)
+
+
+def test_a_second_server_leaves_the_runs_of_the_first_alone(tmp_path, caplog):
+    first = service(tmp_path)
+    run = first.submit(SHORT)
+    second = service(tmp_path)
+    assert second.list() == [] and str(tmp_path) in caplog.text
+    second.stop()
+    first.stop()
+    third = service(tmp_path)
+    assert [known.id for known in third.list()] == [run.id]
+    third.stop()
+
+
+@pytest.fixture
+def store(tmp_path) -> Iterator[RunStore]:
+    store = RunStore(tmp_path)
+    yield store
+    store.close()
+
+
+def under_way(store: RunStore) -> str:
+    store.add(SHORT, "hrp2", 2.0)
+    run = store.start_next()
+    assert run is not None
+    record(scenario_from_mapping(SHORT)).write(store.unfinished(run.id))
+    return run.id
+
+
+def test_wherever_a_server_dies_no_run_is_half_there(store):
+    """The moments: files written, files moved but not told, told; and a row removed, its files not yet."""
+    written, moved, told, removed = (under_way(store) for _ in range(4))
+    store.unfinished(moved).rename(store.files(moved))
+    assert store.finish(told, 3.0) and store.finish(removed, 3.0)
+    store._db.execute("DELETE FROM runs WHERE id = ?", (removed,))
+    store.recover()
+    assert {run_id: store.get(run_id).status for run_id in (written, moved, told)} == {
+        written: "failed",
+        moved: "failed",
+        told: "done",
+    }
+    assert [path.name for path in (store.folder / "done").iterdir()] == [told]
+    assert not (store.folder / "unfinished").exists()
+    with pytest.raises(UnknownRunError):
+        store.get(removed)
+
+
+def test_runs_are_taken_in_order_and_never_once_cancelled(store):
+    ids = [store.add(SHORT, "hrp2", 2.0).id for _ in range(4)]
+    store.cancel(ids.pop(1))
+    taken = [store.start_next() for _ in range(4)]
+    assert [run.id for run in taken if run is not None] == ids and taken[-1] is None
+
+
+def test_a_run_cancelled_as_it_finishes_stays_cancelled(store):
+    run_id = under_way(store)
+    assert store.cancel(run_id)
+    assert not store.finish(run_id, 1.0) and not store.files(run_id).exists()
+    store.fail(run_id, "too late")
+    assert store.get(run_id).status == "cancelled" and not store.cancel(run_id)
+
+
+def test_metrics_that_are_not_finite_are_none(store):
+    run_id = under_way(store)
+    file = store.folder / "unfinished" / run_id / "run.json"
+    file.write_text(json.dumps({"metrics": {"a": [math.nan, 1.0], "b": {"c": -math.inf}}, "expectations": []}))
+    store.finish(run_id, 1.0)
+    assert store.get(run_id).metrics == {"a": [None, 1.0], "b": {"c": None}}
+
+
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.just(10**400),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(
+    path=st.sampled_from(
+        [("name",), ("robot",), ("duration",), ("parameters",), ("events",), ("events", 0), ("more",)]
+        + [("parameters", key) for key in ("alpha", "scheme", "horizon_samples", "com_height", "stepping_in_place")]
+        + [("events", 0, key) for key in ("t", "reference", "more")]
+        + [("events", 0, "reference", key) for key in ("vx", "more")]
+        + [("events", 1, "push", key) for key in ("impulse", "duration", "frame", "more")]
+        + [("events", 1, "push", "impulse", 0)]
+    ),
+    value=plain,
+)
+def test_whatever_stands_in_a_scenario_is_taken_or_refused(path, value):
+    scenario = json.loads(json.dumps(SHORT))
+    place = scenario
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    try:
+        checked = checked_scenario(scenario, Limits())
+    except InvalidValueError as error:
+        assert error.field and error.limit
+    else:
+        assert checked.nb_ticks <= Limits().ticks and np.isfinite(checked.duration)
+        json.dumps(scenario, allow_nan=False)
