@@ -1,10 +1,11 @@
 """Several scenarios at once, each in a process of its own, on all cores."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.queues import Queue
 from pathlib import Path
 from queue import Empty
@@ -101,6 +102,15 @@ def _listen(done: "Queue[float]", stopping: Event, bar: "tqdm[Any]") -> None:
 def _start_worker(done: "Queue[float]") -> None:
     global _done
     _done = done
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Leave no process behind when the one that wants the result is gone."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _work(job: Job) -> Outcome:
