@@ -197,7 +197,7 @@ class Gait:
             walk = self if self.start is not None else Gait(p, first_support, present + p.samples_before_first_step)
             step_at_once = tuple(Gait(p, side, present + 1) for side in Side)
             return (walk if wants_to_walk else stand, *step_at_once)
-        walk_on = replace(self, nb_steps=None)
+        walk_on = self if self.nb_steps is None else replace(self, nb_steps=None)
         if wants_to_walk:
             return (walk_on,)
         stop = self if self.nb_steps is not None else replace(self, nb_steps=self.step(tick) + 2)

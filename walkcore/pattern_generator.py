@@ -154,7 +154,7 @@ class PatternGenerator:
     ) -> _Task:
         phase = self._phase(horizon)
         supports = self._geometry.supports(support, swing, horizon, reference)
-        velocities = _velocities(reference, heading, phase.preview.lipm.times)
+        velocities = _velocities(reference, heading, phase.preview.lipm)
         to_middle, planned = supports.to_middle, supports.planned_footholds
         known = Known(com, support.position, swing.position, to_middle, planned, velocities)
         return _Task(phase, supports, known.matrix)
@@ -192,8 +192,9 @@ def _leads_on(task: _Task, axes: Matrix) -> bool:
     return supports.spare_at_end.excess(phase.last_dcm.at(axes, known)[0]) < CAPTURE_TOLERANCE
 
 
-def _velocities(reference: Reference, heading: float, times: Vector) -> Matrix:
+@lru_cache(maxsize=256)
+def _velocities(reference: Reference, heading: float, lipm: PreviewMatrices) -> Matrix:
     """The velocity to track at each sample: it turns with the heading [m/s], world frame, shape (N, 2)."""
-    yaw = heading + reference.yaw_rate * times
+    yaw = heading + reference.yaw_rate * lipm.times
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy])
+    return read_only(np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy]))
