@@ -25,7 +25,7 @@ from walkcore.snapshot import Snapshot
 from walkcore.stages import UNTIMED, Stages
 from walkcore.state import PushUnderWay, SimulationState
 from walkcore.swing_foot import FootState, standing, swing, swing_height
-from walkcore.values import Vector, read_only, rotation
+from walkcore.values import Vector, frozen, read_only, rotation
 from walkcore.whole_body import BodyTarget, WholeBody
 
 NO_IMPULSE = read_only(np.zeros(2))
@@ -249,8 +249,8 @@ class Simulation:
             t=self._tick * self.parameters.control_period,
             com=self._com,
             com_height=self.com_height,
-            jerk=NO_IMPULSE if plan is None else read_only(plan.jerks[0]),
-            cop=read_only(self._com.cop(self.com_height, self.parameters.gravity)),
+            jerk=NO_IMPULSE if plan is None else plan.jerks[0],
+            cop=frozen(self._com.cop(self.com_height, self.parameters.gravity)),
             true_cop=None,
             torques=None,
             reference=reference,

@@ -159,11 +159,8 @@ class _Rows:
             polygon_of_point: number of the polygon of each point; of points beyond, nothing is asked.
             nb_edges: of each polygon.
         """
-        first_edge = np.cumsum([0, *nb_edges])
-        counts = np.array([nb_edges[polygon] for polygon in polygon_of_point], dtype=np.int64)
-        edges = [np.arange(first_edge[polygon], first_edge[polygon + 1]) for polygon in polygon_of_point]
-        self._edge = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
-        self._point = np.repeat(np.arange(len(counts)), counts)
+        polygon_of_edge = np.repeat(np.arange(len(nb_edges)), nb_edges)
+        self._point, self._edge = np.nonzero(np.array(polygon_of_point, dtype=np.int64)[:, None] == polygon_of_edge)
         self._D, self._K = np.asfortranarray(points.D[self._point]), points.K[self._point]
 
     def of(self, polygons: Sequence[HalfPlanes]) -> "_Edges":
