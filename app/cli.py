@@ -8,16 +8,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import logging
 import sys
 from dataclasses import dataclass, field
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 from pydantic import ValidationError
 
+from app.run_commands import Compare, Report, Run, Scenarios
 from app.settings import Settings
 from walkcore import Parameters, WalkError, load_robot, robot_names
-from walkcore.recording import record
-from walkcore.scenario import load_scenario, scenario_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,34 +38,6 @@ class Serve:
         from app.serve import serve  # the server's libraries take a second to load; the other commands need none
 
         serve(Settings(host=self.host, port=self.port, robot=self.robot, scene=self.scene))
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """Simulate a scenario as fast as the machine can, and write its recording."""
-
-    scenario: tyro.conf.Positional[str]
-    """Name of one that ships (see `walk scenarios`), or a file."""
-    out: Path
-    """Folder for recording.npz, recording.csv and run.json."""
-
-    def __call__(self) -> None:
-        """Simulate and write."""
-        scenario = load_scenario(self.scenario)
-        recording = record(scenario, progress=_show_progress if sys.stderr.isatty() else None)
-        recording.write(self.out)
-        print(f"{scenario.name}: {scenario.nb_ticks} ticks of {scenario.robot.name} written to {self.out}")
-
-
-@dataclass(frozen=True, slots=True)
-class Scenarios:
-    """List the scenarios that ship."""
-
-    def __call__(self) -> None:
-        """Print name, robot and duration of each."""
-        for name in scenario_names():
-            scenario = load_scenario(name)
-            print(f"{name:32} {scenario.robot.name:8} {scenario.duration:g} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +97,27 @@ class Figures:
         make_figures(self.out, self.robots, self.formats, self.control_period, tell=print)
 
 
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Measure what a tick costs: by stage, by solver, and against real time."""
+
+    json: bool = False
+    """Print JSON."""
+
+    def __call__(self) -> None:
+        """Measure and print."""
+        from app.bench import bench, table  # the other commands need none of the solvers it compares
+
+        result = bench(tell=lambda what: print(f"measuring {what} ...", file=sys.stderr))
+        print(dumps(result.to_mapping(), indent=2) if self.json else table(result), end="\n" if self.json else "")
+
+
 SubCommand = (
     Annotated[Serve, tyro.conf.subcommand("serve")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
     | Annotated[Robots, tyro.conf.subcommand("robots")]
@@ -136,11 +126,11 @@ SubCommand = (
 
 
 def main() -> None:
-    """Run the command; what the user can correct is one line on stderr and exit code 2."""
+    """Run the command, whose exit code is what it returns; what the user can correct is one line on stderr and 2."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     try:
         command = tyro.cli(SubCommand, prog="walk", description=__doc__, config=(tyro.conf.OmitArgPrefixes,))
-        command()
+        code = command()
     except ValidationError as error:
         problems = "; ".join(f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}" for e in error.errors())
         _give_up(problems)
@@ -148,12 +138,10 @@ def main() -> None:
         _give_up(str(error))
     except KeyboardInterrupt:
         sys.exit(130)
+    else:
+        sys.exit(code)
 
 
 def _give_up(reason: str) -> None:
     print(f"walk: {reason}", file=sys.stderr)
     sys.exit(2)
-
-
-def _show_progress(fraction: float) -> None:
-    print(f"\r{fraction:4.0%}", end="\n" if fraction >= 1.0 else "", file=sys.stderr, flush=True)

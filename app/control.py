@@ -15,7 +15,7 @@ from app.last_push import PushFollower
 from app.live_state import Counts, LiveState, RandomPushes
 from app.pace import Pace
 from app.random_pushes import RandomPusher
-from app.session import Segment, SessionLog
+from app.session import SessionLog
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.pattern_generator import Status
 from walkcore.stages import Stopwatch
@@ -78,7 +78,10 @@ class Control:
         self._pusher: RandomPusher | None = None
         self._follower = PushFollower(parameters.gravity)
         self._log = SessionLog(self._simulation)
-        self.latest = LiveState(self._step(Command()), self._pace.timing, True, NOBODY.driver)
+        self._log.begin()
+        first = self._simulation.step()
+        self._log.end(Command(), first)
+        self.latest = LiveState(first, self._pace.timing, True, NOBODY.driver)
         publish(self.latest)
 
     @property
@@ -172,7 +175,7 @@ class Control:
         self._pusher = None if pushes is None else RandomPusher(pushes, self.parameters.control_period)
         return self._show(random_pushes=pushes)
 
-    def save(self, is_before_reset: bool) -> Iterator[Segment]:
+    def save(self, is_before_reset: bool) -> Iterator[bytes]:
         """The last minute since the last reset, or of the walk before it, piece by piece.
 
         Raises:
@@ -183,6 +186,10 @@ class Control:
             raise NothingToSaveError("there was no walk before the last reset")
         return iter(segments)
 
+    def tidy(self) -> None:
+        """What there is to do between two ticks; takes less than 1 ms."""
+        self._log.pack()
+
     def fail(self, error: Exception) -> LiveState:
         """An error that nobody foresaw: pause, and tell."""
         logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
@@ -192,8 +199,11 @@ class Control:
         started = self._clock()
         if started > self._driven_at + self._drive.expires_after:
             self._drive = NOBODY
-        snapshot = self._step(Command(self._drive.reference, self._next_push()))
+        command = Command(self._drive.reference, self._next_push())
+        self._log.begin()
+        snapshot = self._simulation.step(command)
         self._pace.record(self._clock() - started, self._stopwatch.laps)
+        self._log.end(command, snapshot)
         self._follower.see(snapshot)
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
@@ -204,12 +214,6 @@ class Control:
             real_t=self._pace.real_t,
             last_push=self._follower.last,
         )
-
-    def _step(self, command: Command) -> Snapshot:
-        self._log.begin()
-        snapshot = self._simulation.step(command)
-        self._log.end(command, snapshot)
-        return snapshot
 
     def _next_push(self) -> Push | None:
         """The push that was asked for, else a random one where one is due."""

@@ -27,9 +27,9 @@ from app.live_state import LiveState
 from walkcore import WalkError
 
 ROOM = 0.002  # [s] before the next tick that a wish is given at least
-PUBLISH_PERIOD = 0.003  # [s] at least between two states of a robot that runs
+PUBLISH_PERIOD = 0.008  # [s] at least between two states of a robot that runs: nobody looks more often
 BEAT_PERIOD = 0.5  # [s] after which a state is published again, to show that somebody is there
-CLEANING_PERIOD = 1.0  # [s]
+CLEANING_PERIOD = 5.0  # [s]
 
 Wish = tuple[int, Callable[..., Any], tuple[Any, ...]]
 """Number, method of `Control`, and its arguments."""
@@ -73,11 +73,13 @@ class ControlProcess:
     def _do_chores(self, control: Control) -> None:
         if self._outbox and self._has_sent(*self._outbox[0]):
             self._outbox.popleft()
+        if control.time_left > ROOM:
+            control.tidy()
         now = time.perf_counter()
         if now > self._published_at + BEAT_PERIOD:
             self._publish(control.latest)
         if now > self._cleaned_at + CLEANING_PERIOD and control.time_left > ROOM:
-            gc.collect(1)
+            gc.collect()  # 1 ms: what was there at the start is frozen
             self._cleaned_at = now
 
     def _created(self) -> Control | None:

@@ -34,6 +34,7 @@ def create_app(settings: Settings) -> FastAPI:
     runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
 
+    runner.wait()
     scripted = _runs(settings)
 
     @asynccontextmanager

@@ -61,6 +61,14 @@ class Runner:
         """Of the control process."""
         return self._link.process_id
 
+    def wait(self) -> None:
+        """Until the robot stands.
+
+        Raises:
+            WalkError: if it cannot stand with its parameters.
+        """
+        self._link.created.result()
+
     def start(self) -> None:
         """Let time pass."""
         self._link.wish(Control.start)
@@ -166,7 +174,7 @@ class Runner:
 
         Fails with `NothingToSaveError` if there was none.
         """
-        return self._link.wish(Control.save, is_before_reset, then=Session)
+        return self._link.wish(Control.save, is_before_reset, then=Session.unpacked)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self.parameters = parameters

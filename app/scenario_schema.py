@@ -7,6 +7,7 @@ cannot drift apart. What depends on the robot, or on other values, only the core
 import ast
 import inspect
 from dataclasses import fields
+from itertools import pairwise
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ModelWrapValidatorHandler, create_model, model_validator
@@ -30,10 +31,12 @@ def _descriptions(kind: type) -> dict[str, str]:
     """The text below each field of a dataclass."""
     (tree,) = ast.parse(inspect.getsource(kind)).body
     found: dict[str, str] = {}
-    for field, text in zip(cast(ast.ClassDef, tree).body, cast(ast.ClassDef, tree).body[1:], strict=False):
-        is_described = isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr)
-        if is_described and isinstance(field.target, ast.Name) and isinstance(text.value, ast.Constant):
-            found[field.target.id] = str(text.value.value)
+    for pair in pairwise(cast(ast.ClassDef, tree).body):
+        match pair:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                found[name] = text
+            case _:
+                pass
     return found
 
 
@@ -45,7 +48,7 @@ def _parameter(name: str) -> Any:
     if name not in LIMITS and name != "com_height":
         return bool
     low, high = LIMITS.get(name, COM_HEIGHT_LIMITS)
-    number = Annotated[FiniteFloat, Field(ge=low, le=high)]
+    number: Any = Annotated[FiniteFloat, Field(ge=low, le=high)]
     return number | None if name == "com_height" else number
 
 

@@ -1,7 +1,8 @@
 """The last minute of the live walk, always kept, so that what was just driven can be saved as a run.
 
-Kept in short segments: the state before each, and pickled tick by tick what was asked and what came of
-it. That is all it takes to walk the same way again, and to write the recording without walking again.
+Kept in short segments: the state before each, and tick by tick what was asked and what came of it. That
+is all it takes to walk the same way again, and to write the recording without walking again. Whoever has
+time between two ticks packs the segments that are full.
 """
 
 import math
@@ -22,7 +23,7 @@ from walkcore.values import read_only
 from walkcore.whole_body import WholeBody
 
 KEPT = 60.0  # [s] at least, of simulated time
-TICKS_PER_SEGMENT = 40  # so few that a segment goes by one message
+TICKS_PER_SEGMENT = 20  # so few that packing them takes less than 1 ms, and that they go by one message
 NOTHING = read_only(np.zeros((0, 2)))
 
 
@@ -32,8 +33,7 @@ class Segment:
 
     parameters: Parameters
     state: SimulationState
-    ticks: list[bytes] = field(default_factory=list)
-    """A pickled `Command` and the `Snapshot` that it led to, each."""
+    ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
     changes: dict[int, Parameters] = field(default_factory=dict)
     """Parameters that came into force before a tick, by its index in this segment."""
 
@@ -44,35 +44,53 @@ class SessionLog:
     def __init__(self, simulation: Simulation) -> None:
         """Of a simulation at its start."""
         self._simulation = simulation
-        # One segment is not full yet.
-        nb_segments = math.ceil(KEPT / simulation.parameters.control_period / TICKS_PER_SEGMENT) + 1
-        self._segments: deque[Segment] = deque(maxlen=nb_segments)
-        self._before_reset: list[Segment] = []
+        nb_segments = math.ceil(KEPT / simulation.parameters.control_period / TICKS_PER_SEGMENT)
+        self._packed: deque[bytes] = deque(maxlen=nb_segments)
+        self._full: deque[Segment] = deque(maxlen=nb_segments)
+        self._growing: Segment | None = None
+        self._before_reset: list[bytes] = []
 
     def reset(self) -> None:
         """The simulation begins anew: what came before is set aside until the next reset."""
-        self._before_reset = list(self._segments)
-        self._segments.clear()
+        self._before_reset = self.segments(False)
+        self._packed.clear()
+        self._growing = None
 
     def begin(self) -> None:
         """A tick is coming: a segment is needed for it."""
-        if not self._segments or len(self._segments[-1].ticks) == TICKS_PER_SEGMENT:
-            self._segments.append(Segment(self._simulation.parameters, self._simulation.state))
+        if self._growing is not None and len(self._growing.ticks) < TICKS_PER_SEGMENT:
+            return
+        if self._growing is not None:
+            self._full.append(self._growing)
+        self._growing = Segment(self._simulation.parameters, self._simulation.state)
 
     def end(self, command: Command, snapshot: Snapshot) -> None:
         """The tick is over."""
-        self._segments[-1].ticks.append(pickle.dumps((command, _light(snapshot)), pickle.HIGHEST_PROTOCOL))
+        assert self._growing is not None
+        self._growing.ticks.append((command, _light(snapshot)))
 
     def change(self, parameters: Parameters) -> None:
         """Other parameters are in force from the next tick on."""
-        last = self._segments[-1]
-        if len(last.ticks) < TICKS_PER_SEGMENT:  # else the next segment begins with them
-            last.changes[len(last.ticks)] = parameters
+        growing = self._growing
+        if growing is not None and len(growing.ticks) < TICKS_PER_SEGMENT:  # else the next one begins with them
+            growing.changes[len(growing.ticks)] = parameters
 
-    def segments(self, is_before_reset: bool) -> list[Segment]:
-        """What is kept, since the last reset or of the walk before it; they do not grow any more."""
-        kept = self._before_reset if is_before_reset else self._segments
-        return [replace(segment, ticks=list(segment.ticks), changes=dict(segment.changes)) for segment in kept]
+    def pack(self) -> None:
+        """Make one full segment small."""
+        if self._full:
+            self._packed.append(_packed(self._full.popleft()))
+
+    def segments(self, is_before_reset: bool) -> list[bytes]:
+        """What is kept, since the last reset or of the walk before it."""
+        if is_before_reset:
+            return self._before_reset
+        while self._full:
+            self.pack()
+        return [*self._packed, *([] if self._growing is None else [_packed(self._growing)])]
+
+
+def _packed(segment: Segment) -> bytes:
+    return pickle.dumps(segment, pickle.HIGHEST_PROTOCOL)
 
 
 def _light(snapshot: Snapshot) -> Snapshot:
@@ -91,6 +109,11 @@ class Session:
 
     segments: list[Segment]
 
+    @classmethod
+    def unpacked(cls, segments: list[bytes]) -> "Session":
+        """From what `SessionLog.segments` gives."""
+        return cls([pickle.loads(segment) for segment in segments])
+
     def recording(self, name: str, robot: Robot) -> Recording:
         """The recording, of what happened: nothing is simulated again.
 
@@ -98,7 +121,7 @@ class Session:
             name: of its scenario, which replayed leads to the same rows.
             robot: that walked.
         """
-        ticks = [pickle.loads(tick) for segment in self.segments for tick in segment.ticks]
+        ticks = [tick for segment in self.segments for tick in segment.ticks]
         first = self.segments[0]
         commands = [command for command, _ in ticks]
         mapping = session_scenario(name, robot.name, first.parameters, first.state, commands, dict(self._changes()))

@@ -67,8 +67,13 @@ const scene = new Scene({ onLoad: (inner) => keyboard.attach(inner) });
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-element("share").addEventListener("click", () => copyLink(latest).catch(tell));
-element("save").addEventListener("click", () => save().catch(tell));
+for (const [id, act] of [["share", () => copyLink(latest)], ["save", save]]) {
+  element(id).addEventListener("click", async ({ currentTarget: button }) => {
+    button.disabled = true; // while it takes its time
+    await act().catch(tell);
+    button.disabled = false;
+  });
+}
 element("look").value = chosenLook();
 element("look").addEventListener("change", (event) => {
   chooseLook(event.target.value);

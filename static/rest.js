@@ -10,21 +10,19 @@ export class Unreachable extends Error {}
  * @param {string} method of HTTP
  * @param {string} path below /api/v1/
  * @param {object} [body] sent as JSON
- * @returns {Promise<{data: any, location: string | null}>} the answer, and where what was made is to be found
+ * @returns {Promise<any>} the answer
  * @throws {Refusal} if the server says no
  * @throws {Unreachable} if it cannot be reached
  */
-export async function request(method, path, body) {
+export async function ask(method, path, body) {
   const options = { method, headers: { "Content-Type": "application/json" }, body: body && JSON.stringify(body) };
   const answer = await fetch(`/api/v1/${path}`, options).catch(() => {
     throw new Unreachable("The server is not there.");
   });
   const data = await answer.json().catch(() => ({}));
   if (!answer.ok) throw new Refusal(inWords(data, answer));
-  return { data, location: answer.headers.get("Location") };
+  return data;
 }
-
-export const ask = async (method, path, body) => (await request(method, path, body)).data;
 
 function inWords({ detail, errors }, answer) {
   if (answer.status === 404) return "This server cannot do that.";

@@ -39,6 +39,7 @@ export class Scene {
       query.set("websocket", `${location.origin.replace("http", "ws")}/viewer/light`);
     }
     this.frame.dataset.look = this.look;
+    document.body.classList.toggle("is-light", this.look === "light");
     this.frame.src = `/viewer/?${query}`;
   }
 

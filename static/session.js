@@ -1,6 +1,6 @@
 // What can be taken along: a link to what was chosen, and the last minute as a recording.
 
-import { ask, request } from "./rest.js";
+import { ask } from "./rest.js";
 import { notify } from "./notices.js";
 
 const REFERENCE = { vx: "reference_vx", vy: "reference_vy", yaw_rate: "reference_yaw_rate" };
@@ -61,7 +61,7 @@ const inWords = (pairs) => pairs.map(([name, part]) => `${name.replaceAll("_", "
 
 /** The last minute of this robot, as a recording that others open. */
 export async function save() {
-  const { location: run } = await request("POST", "live/save", {});
-  const files = ["npz", "csv"].map((ending) => ({ text: `.${ending}`, href: `${run}/recording.${ending}` }));
-  notify("Saved the last minute.", { actions: [{ text: "about it", href: run }, ...files] });
+  const run = await ask("POST", "live/save", {});
+  const files = Object.entries(run.files).map(([ending, href]) => ({ text: ending, href }));
+  notify(`Saved the last ${Math.round(run.duration)} s as “${run.name}”.`, { actions: files });
 }

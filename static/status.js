@@ -22,7 +22,8 @@ export class Status {
 
   show(live) {
     text("asked", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
-    text("reached", (Math.round(100 * this.reached(live)) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
+    const reached = this.reached(live);
+    text("reached", reached === null ? "–" : (Math.round(100 * reached) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
     text("phase", phase(live));
     text("tick", live.timing.tick_ms.toFixed(1));
     text("time", clock(live.t));
@@ -37,15 +38,16 @@ export class Status {
     this.pace.classList.toggle("slow", running && timing.real_time_factor < KEEPS_UP);
   }
 
-  /** Mean velocity over two steps, along the one asked for where there is one [m/s]. */
+  /** Mean velocity over two steps, along the one asked for where there is one [m/s]; null while too little was seen. */
   reached(live) {
     const { history } = this;
-    if (history.length && live.t < history.at(-1).t) history.length = 0;
+    const gap = history.length ? live.t - history.at(-1).t : 0;
+    if (gap < 0 || gap > MEAN_OVER) history.length = 0; // a reset, or a browser too busy to listen
     history.push({ t: live.t, x: live.com_x, y: live.com_y });
     while (history.length > 2 && live.t - history[1].t >= MEAN_OVER) history.shift();
     const [first, last] = [history[0], history.at(-1)];
     const time = last.t - first.t;
-    if (time <= 0) return 0;
+    if (time <= 0) return null;
     const [x, y] = [(last.x - first.x) / time, (last.y - first.y) / time];
     const heading = (live.left_yaw + live.right_yaw) / 2;
     const forward = x * Math.cos(heading) + y * Math.sin(heading);

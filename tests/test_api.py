@@ -36,8 +36,8 @@ def _refuse_constant(name: str) -> None:
     raise AssertionError(f"{name} is not JSON")
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
+def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -239,15 +239,11 @@ def test_same_commands_at_the_same_ticks_give_the_same_snapshots(api):
 
 
 def test_simulated_time_advances_and_never_outruns_real_time(api):
-    def reading() -> tuple[float, float]:
-        before = time.monotonic()
-        t = live(api)["t"]
-        return t, before
-
-    t0, real0 = reading()
+    start = time.monotonic()
+    t0 = live(api)["t"]
     time.sleep(2.0)
-    t1, real1 = reading()
-    assert 0.0 < t1 - t0 <= real1 - real0 + 0.1
+    t1 = live(api)["t"]
+    assert 0.0 < t1 - t0 <= time.monotonic() - start + 0.1
     assert api.get("health").json()["real_time_factor"] <= 1.02
 
 
@@ -501,7 +497,7 @@ def test_a_saved_session_is_a_run_that_replays_to_the_same_decisions(api):
     assert driven["tick"].tolist() == list(range(301)) and driven["push_y"].sum() == pytest.approx(5.0)
     replay = api.post("runs", json=run["scenario"])
     address = replay.headers["Location"].removeprefix("/api/v1/")
-    wait_for(lambda: api.get(address).json()["status"] == "done")
+    wait_for(lambda: api.get(address).json()["status"] == "done", patience=120.0)
     replayed = recording(api, address)
     different = [name for name in driven.files if driven[name].tobytes() != replayed[name].tobytes()]
     assert different == [], {name: np.nanmax(np.abs(driven[name] - replayed[name])) for name in different}

@@ -35,8 +35,11 @@ SERVER = """
     formats
     runs run_schemas errors
     page
+    bench
     figures
+    report
     footholds foothold_picture foothold_report
+    batch run_commands
     routes
     main serve cli
 """.split()

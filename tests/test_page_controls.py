@@ -32,6 +32,7 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.route("**/viewer/**", _stand_in)
         page.add_init_script(before)
+        page.set_default_timeout(1e3 * PATIENCE)
         pages.append(page)
         page.goto(url or server.url)
         expect(page.get_by_test_id("status")).to_contain_text(UP)
@@ -295,15 +296,25 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         api.patch("live/parameters", json=before)
 
 
+def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
+    page = visit()
+    wait_for(lambda: live(api)["tick"] > 50)
+    page.get_by_role("button", name="Save").click()
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Saved the last")
+    link = notices.get_by_role("link", name="csv").get_attribute("href")
+    header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
+    assert header.startswith("tick,t,com_x")
+
+
 def test_refusal_is_told_in_words(visit, server):
     page = visit(f"{server.url}#scheme=magic")
     page.get_by_role("button", name="Apply").click()
     expect(page.locator("#notices")).to_contain_text('scheme = "magic": must be one of')
 
 
-@pytest.mark.parametrize("colours", ["light", "dark"])
-@pytest.mark.parametrize("device", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_axe_finds_nothing_serious(visit, colours, device):
+@pytest.mark.parametrize(("device", "colours"), [(DESKTOP, "light"), (PHONE, "dark")], ids=["desktop", "phone"])
+def test_axe_finds_nothing_serious(visit, device, colours):
     page = visit(**device, color_scheme=colours, reduced_motion="reduce")
     found = {"page": serious(page)}
     page.get_by_role("button", name="Help").click()

@@ -1,7 +1,6 @@
 """The last minute of the live walk, kept and saved."""
 
 import json
-import math
 
 import numpy as np
 import pytest
@@ -29,18 +28,19 @@ def drive(control: Control, nb_ticks: int, seed: int) -> None:
         if rng.random() < 0.04:
             control.change({"alpha": float(10 ** rng.uniform(-6, -4))})
         control.tick()
+        control.tidy()
 
 
-@pytest.mark.parametrize("nb_ticks", [100, 330])
+@pytest.mark.parametrize("nb_ticks", [150, 330])
 def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
     monkeypatch.setattr(session, "KEPT", 1.0)  # so that the longer one has lost its beginning
     control = Control(TALOS, LIVE, lambda _: None)
     control.start()
     drive(control, nb_ticks, seed=1)
-    driven = Session(list(control.save(False))).recording("driven", TALOS)
+    driven = Session.unpacked(list(control.save(False))).recording("driven", TALOS)
     nb_kept = len(driven.rows)
     assert driven["tick"][-1] == nb_ticks and nb_kept == min(
-        nb_ticks + 1, 400 + 1 + nb_ticks % session.TICKS_PER_SEGMENT
+        nb_ticks + 1, 200 + 1 + nb_ticks % session.TICKS_PER_SEGMENT
     )
     assert driven.parameter_changes and np.any(driven["push_x"] != 0.0)
     scenario = scenario_from_mapping(json.loads(json.dumps(driven.scenario.source, allow_nan=False)))
@@ -58,7 +58,7 @@ def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario(
         control.change({"alpha": 1e-5 * (i + 1)})
         control.change({"beta": 1.0 + i})
     control.step(1)
-    driven = Session(list(control.save(False))).recording("driven", load_robot("hrp2"))
+    driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
     found = [(change["tick"], change["parameters"]["alpha"]) for change in driven.parameter_changes]
     assert found == [(session.TICKS_PER_SEGMENT * (i + 1), 1e-5 * (i + 1)) for i in range(5)]
     assert record(driven.scenario).rows.tobytes() == driven.rows.tobytes()
@@ -67,9 +67,8 @@ def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario(
 def test_a_minute_is_kept_whatever_the_period(monkeypatch):
     for period in (0.005, 0.02, 0.1):
         parameters = Parameters(control_period=period)
-        nb_segments = Control(load_robot("hrp2"), parameters, lambda _: None)._log._segments.maxlen
-        assert (nb_segments - 1) * session.TICKS_PER_SEGMENT * period >= 60.0
-        assert math.isclose(nb_segments * session.TICKS_PER_SEGMENT * period, 60.0, abs_tol=9.0)
+        nb_segments = Control(load_robot("hrp2"), parameters, lambda _: None)._log._packed.maxlen
+        assert 60.0 <= nb_segments * session.TICKS_PER_SEGMENT * period < 62.0
 
 
 def test_the_walk_before_a_reset_can_still_be_saved_and_what_is_saved_grows_no_more():
@@ -82,5 +81,8 @@ def test_the_walk_before_a_reset_can_still_be_saved_and_what_is_saved_grows_no_m
     control.step(5)
     control.reset()
     control.step(3)
-    lengths = [sum(len(s.ticks) for s in found) for found in (kept, control.save(True), control.save(False))]
+    lengths = [
+        sum(len(segment.ticks) for segment in Session.unpacked(list(found)).segments)
+        for found in (kept, control.save(True), control.save(False))
+    ]
     assert lengths == [11, 16, 4]

@@ -20,6 +20,7 @@ The dynamic filter of Kajita et al. 2003, section 5, with a model of e for its s
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,16 +70,21 @@ class Motion:
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
-    weights = omega * STEP * np.exp(-omega * AHEAD)
-    return read_only(-weights @ (_of_swings(motion, moments) + moments.com * _com_accelerations(motion)))
+    return read_only(_weights(omega) @ (_of_swings(motion, moments) + moments.com * _com_accelerations(motion)))
+
+
+@lru_cache(maxsize=16)
+def _weights(omega: float) -> Vector:
+    """Of the errors at TIMES in xi."""
+    return read_only(-omega * STEP * np.exp(-omega * AHEAD))
 
 
 def _com_accelerations(motion: Motion) -> Matrix:
     """At TIMES [m/s^2], shape (., 2)."""
-    ends = np.concatenate([[0.0], motion.plan.times])
-    gained = np.diff(ends)[:, None] * motion.plan.jerks
-    at_ends = motion.com.acceleration + np.vstack([np.zeros(2), np.cumsum(gained, axis=0)])
-    return np.column_stack([np.interp(TIMES, ends, at_ends[:, axis]) for axis in (0, 1)])
+    ends = motion.plan.times
+    starts = np.concatenate([[0.0], ends[:-1]])
+    acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), ends - starts)  # for so long each jerk has
+    return motion.com.acceleration + acted @ motion.plan.jerks
 
 
 def _of_swings(motion: Motion, moments: SwingMoments) -> Matrix:

@@ -65,6 +65,16 @@ class _Phase:
     """At the last one."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What one tick has to solve."""
+
+    phase: _Phase
+    supports: Supports
+    known: Matrix
+    """k of `preview.py`, shape (6 + m + N, 2)."""
+
+
 class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
@@ -110,18 +120,13 @@ class PatternGenerator:
         Raises:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
-        phase = self._phase(horizon)
-        lipm, layout = phase.preview.lipm, phase.preview.layout
-        supports = self._geometry.supports(support, swing, horizon, reference)
-        velocities = _velocities(reference, heading, lipm.times)
-        known = Known(
-            com, support.position, swing.position, supports.to_middle, supports.planned_footholds, velocities
-        ).matrix
-        problem = phase.qp.at(known, supports)
+        task = self._describe(com, support, swing, horizon, reference, heading)
+        problem = task.phase.qp.at(task.known, task.supports)
         self._stages.lap("assemble")
-        u, status, is_capturable = self._solve(problem, phase, known, supports)
+        u, status, is_capturable = self._solve(problem, task)
         self._stages.lap("solve")
 
+        lipm, layout, supports = task.phase.preview.lipm, task.phase.preview.layout, task.supports
         jerks = layout.jerks(u)
         decided = layout.footholds(u) if layout.nb_footholds else supports.planned_footholds
         if supports.stopping_offset is not None:
@@ -137,7 +142,24 @@ class PatternGenerator:
             is_capturable=is_capturable,
         )
 
-    def _solve(self, problem: QP, phase: _Phase, known: Matrix, supports: Supports) -> tuple[Vector, Status, bool]:
+    def qp(
+        self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
+    ) -> QP:
+        """The paper's QP that `plan` solves first."""
+        task = self._describe(com, support, swing, horizon, reference, heading)
+        return task.phase.qp.at(task.known, task.supports)
+
+    def _describe(
+        self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
+    ) -> _Task:
+        phase = self._phase(horizon)
+        supports = self._geometry.supports(support, swing, horizon, reference)
+        velocities = _velocities(reference, heading, phase.preview.lipm.times)
+        to_middle, planned = supports.to_middle, supports.planned_footholds
+        known = Known(com, support.position, swing.position, to_middle, planned, velocities)
+        return _Task(phase, supports, known.matrix)
+
+    def _solve(self, problem: QP, task: _Task) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
         A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
@@ -145,21 +167,22 @@ class PatternGenerator:
         Raises:
             NoSolutionFoundError: if nothing is feasible.
         """
-        scheme, axes = self._parameters.terms, phase.preview.layout.axes
+        phase, supports, known, axes = task.phase, task.supports, task.known, task.phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
             u = solve_qp(problem, self._parameters.solver).u
-            if scheme.footholds is not Footholds.FREE or _leads_on(phase, axes(u), known, supports):
+            if self._parameters.terms.footholds is not Footholds.FREE or _leads_on(task, axes(u)):
                 return u, Status.SOLVED, True
         u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u
         end = phase.last_dcm.at(axes(u), known)[0]
         return u, Status.RELAXED, supports.capturable_at_end.excess(end) < CAPTURE_TOLERANCE
 
 
-def _leads_on(phase: _Phase, axes: Matrix, known: Matrix, supports: Supports) -> bool:
+def _leads_on(task: _Task, axes: Matrix) -> bool:
     """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
 
     Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
     """
+    phase, supports, known = task.phase, task.supports, task.known
     if supports.capturable_soon is not None:
         soon = phase.first_dcm.at(axes, known)[0]
         if supports.capturable_soon.excess(soon) >= CAPTURE_TOLERANCE:

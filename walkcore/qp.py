@@ -76,20 +76,31 @@ def solve_qp(problem: QP, solver: str = "piqp") -> Solution:
     return solution
 
 
-def _by_interior_points(problem: QP) -> Solution:
+def interior_point_solver() -> piqp.DenseSolver:
+    """PIQP with the settings that this QP needs."""
     solver = piqp.DenseSolver()
     settings = solver.settings
     settings.eps_abs = settings.eps_rel = TOLERANCE
     settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = GAP_TOLERANCE
     settings.max_iter = MAX_ITERATIONS
     settings.preconditioner_iter = 0  # the units are ours; PIQP's scaling makes the footholds 1 cm worse
-    solver.setup(
-        P=np.asfortranarray(problem.P),
-        c=problem.q,
-        G=np.asfortranarray(problem.G),
-        h_l=np.maximum(problem.lower, -UNBOUNDED),
-        h_u=np.minimum(problem.upper, UNBOUNDED),
-    )
+    return solver
+
+
+def piqp_form(problem: QP) -> dict[str, Vector]:
+    """The arguments of PIQP's `setup`."""
+    return {
+        "P": np.asfortranarray(problem.P),
+        "c": problem.q,
+        "G": np.asfortranarray(problem.G),
+        "h_l": np.maximum(problem.lower, -UNBOUNDED),
+        "h_u": np.minimum(problem.upper, UNBOUNDED),
+    }
+
+
+def _by_interior_points(problem: QP) -> Solution:
+    solver = interior_point_solver()
+    solver.setup(**piqp_form(problem))
     status = solver.solve()
     if status != piqp.PIQP_SOLVED:
         raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")

@@ -13,6 +13,7 @@ from walkcore.walk import (
     Walk,
     heading,
     heading_velocity,
+    nb_rows_up,
     nb_ticks_of,
     points,
     push_rows,
@@ -44,14 +45,15 @@ class Recovery:
 
 def recoveries(walk: Walk) -> list[Recovery]:
     """One for each push, in the order of time."""
-    pushes, last = push_rows(walk), len(walk["t"])
+    last = nb_rows_up(walk)
+    pushes = [push for push in push_rows(walk) if push[0] < last]
     changes = sorted({0, *reference_changes(walk).tolist(), *(row for push in pushes for row in push)})
     return [
         _recovery(
             walk,
             push,
             undisturbed_since=max(row for row in changes if row < push[0] or row == 0),
-            until=min((row for row in changes if row > push[1]), default=last),
+            until=min((row for row in changes if push[1] < row < last), default=last),
         )
         for push in pushes
     ]
@@ -75,8 +77,7 @@ def _repeats_from(walk: Walk, first: int, until: int) -> int | None:
     """The first row from which on the walk repeats itself for a step; None if there is none before `until`."""
     step = nb_ticks_of(walk, walk.parameters["step_duration"])
     velocity = heading_velocity(walk)[first:until]
-    has_fallen = walk["status"][first:until] == 2
-    if has_fallen.any() or len(velocity) < 3 * step:
+    if len(velocity) < 3 * step:
         return None
     differs = np.hypot(*(velocity[2 * step :] - velocity[: -2 * step]).T) > SAME_VELOCITY
     nb_differing = np.concatenate([[0], np.cumsum(differs)])

@@ -12,10 +12,11 @@ import numpy as np
 from walkcore.command import Command, Push, Reference
 from walkcore.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
 from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
-from walkcore.gait import Footstep, Gait, Phase, Side
+from walkcore.gait import Footstep, Gait, Horizon, Phase, Side
 from walkcore.lipm import CoMState
 from walkcore.parameters import Parameters
 from walkcore.pattern_generator import PatternGenerator, Plan, Status
+from walkcore.qp import QP
 from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import Snapshot
@@ -215,17 +216,21 @@ class Simulation:
         return plan
 
     def _plan(self, gait: Gait, reference: Reference) -> Plan:
-        side = gait.support_side(self._tick)
-        horizon = gait.horizon(self._tick)
+        present = self._present(gait, reference)
         self._stages.lap("gait")
-        return self._generator.plan(
-            self._com,
-            _footstep(side, self._feet[side]),
-            _footstep(side.other, self._feet[side.other]),
-            horizon,
-            reference,
-            self.heading,
-        )
+        return self._generator.plan(*present)
+
+    def qp(self, reference: Reference) -> QP:
+        """The paper's QP of the coming tick, if the gait goes on as it is."""
+        return self._generator.qp(*self._present(self._gait, reference))
+
+    def _present(
+        self, gait: Gait, reference: Reference
+    ) -> tuple[CoMState, Footstep, Footstep, Horizon, Reference, float]:
+        """What the pattern generator is told."""
+        side = gait.support_side(self._tick)
+        support, swing = (_footstep(foot, self._feet[foot]) for foot in (side, side.other))
+        return self._com, support, swing, gait.horizon(self._tick), reference, self.heading
 
     def _fall_down(self, reason: str) -> None:
         """Stay where the robot is until a reset."""

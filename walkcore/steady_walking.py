@@ -2,11 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from walkcore.gait import Phase
-from walkcore.walk import Walk, heading, heading_velocity, nb_ticks_of, push_rows, reference_changes
+from walkcore.walk import (
+    Walk,
+    heading,
+    heading_velocity,
+    nb_rows_up,
+    nb_ticks_of,
+    push_rows,
+    reference_changes,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +72,8 @@ def _stretches(walk: Walk) -> Iterator[tuple[int, int]]:
     pushes = [row for rows in push_rows(walk) for row in rows]
     is_stepping = walk["phase"] != Phase.STANDING
     turns = np.flatnonzero(np.diff(is_stepping)) + 1
-    last = len(is_stepping) - 1
+    last = nb_rows_up(walk) - 1
     bounds = sorted({0, last, *reference_changes(walk).tolist(), *turns.tolist(), *(min(row, last) for row in pushes)})
-    for first, end in zip(bounds, bounds[1:], strict=False):
-        if is_stepping[first]:
+    for first, end in pairwise(bounds):
+        if is_stepping[first] and end <= last:
             yield first, end

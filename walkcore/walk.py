@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from walkcore.pattern_generator import Status
 from walkcore.values import Matrix, Vector
 
 Mask = NDArray[np.bool_]
@@ -71,6 +72,12 @@ def heading_velocity(walk: Walk) -> Matrix:
 def nb_ticks_of(walk: Walk, duration: float) -> int:
     """Ticks that a duration [s] takes."""
     return round(duration / float(walk.parameters["control_period"]))
+
+
+def nb_rows_up(walk: Walk) -> int:
+    """Rows before a fall, all if there is none."""
+    fallen = np.flatnonzero(walk["status"] == Status.FALLEN)
+    return int(fallen[0]) if len(fallen) else len(walk["status"])
 
 
 def touchdowns(walk: Walk) -> NDArray[np.intp]:

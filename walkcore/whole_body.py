@@ -168,12 +168,13 @@ class WholeBody:
             com: where it should be, world frame [m], shape (3,).
             feet: where they should be.
         """
-        pin.framesForwardKinematics(self.model, self._data, q)
+        data = self._data_of_dynamics  # the other one is what the inverse kinematics goes on from
+        pin.framesForwardKinematics(self.model, data, q)
         off = [
-            self._data.oMf[self.model.getFrameId(self._soles[side].frame)].translation - [*foot.position, foot.height]
+            data.oMf[self.model.getFrameId(self._soles[side].frame)].translation - [*foot.position, foot.height]
             for side, foot in feet.items()
         ]
-        com_off = pin.centerOfMass(self.model, self._data, q) - com
+        com_off = pin.centerOfMass(self.model, data, q) - com
         return float(np.linalg.norm(com_off)), max(float(np.linalg.norm(one)) for one in off)
 
     def dynamics(

@@ -19,6 +19,7 @@ from walkcore import Recording
 from walkcore.gait import Footstep, Side
 from walkcore.regions import sole_vertices
 from walkcore.values import Vector
+from walkcore.walk import Walk
 
 WIDTH = 7.4  # [in]
 SPEED_HEIGHT = 2.6  # [in]
@@ -80,27 +81,27 @@ def figure(path: Path, formats: tuple[str, ...], height: float) -> Iterator[Axes
 
 def draw_from_above(path: Path, formats: tuple[str, ...], title: str, recording: Recording) -> None:
     """Footsteps and ankle paths grey, CoP black, CoM red; the push magenta."""
-    x_low, x_high, y_low, y_high = _extent(recording)
+    x_low, x_high, y_low, y_high = extent(recording)
     height = 1.05 + (WIDTH - 0.7) * (y_high - y_low) / (x_high - x_low)
     with figure(path, formats, height) as axes:
         for side in Side:
-            _draw_feet(axes, recording, side)
+            draw_feet(axes, recording, side)
         cop = axes.plot(recording["cop_x"], recording["cop_y"], color=ink(palette.COP), linewidth=0.8, label="CoP")
         com = axes.plot(recording["com_x"], recording["com_y"], color=ink(palette.COM), linewidth=1.5, label="CoM")
         _mark_moments(axes, recording)
         axes.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
         axes.set_title(title, pad=22)
-        _legend(axes, [*(_sole_key(side) for side in Side), *cop, *com])
+        legend(axes, [*(sole_key(side) for side in Side), *cop, *com])
 
 
-def _extent(recording: Recording) -> tuple[float, float, float, float]:
+def extent(recording: Walk) -> tuple[float, float, float, float]:
     """Of all footsteps, with room around."""
     reach = np.abs(np.array(recording.parameters["sole"]["polygon"])).max() + 0.05
     x, y = (np.concatenate([recording[f"{foot}_{a}"] for foot in ("left", "right")]) for a in "xy")
     return x.min() - reach, x.max() + reach, y.min() - reach, y.max() + reach
 
 
-def _draw_feet(axes: Axes, recording: Recording, side: Side) -> None:
+def draw_feet(axes: Axes, recording: Walk, side: Side) -> None:
     """Each place where a foot has stood, and the path of its ankle from one to the next."""
     foot, grey = side.name.lower(), ink(GREYS[side])
     x, y, z, yaw = (recording[f"{foot}_{name}"] for name in ("x", "y", "z", "yaw"))
@@ -112,7 +113,8 @@ def _draw_feet(axes: Axes, recording: Recording, side: Side) -> None:
     axes.plot(x, y, color=grey, linewidth=0.6, alpha=0.6)
 
 
-def _sole_key(side: Side) -> Polygon:
+def sole_key(side: Side) -> Polygon:
+    """What a foot looks like, for a legend."""
     grey = ink(GREYS[side])
     name = f"{side.name.lower()} footsteps and ankle path"
     return Polygon(np.zeros((1, 2)), facecolor=f"{grey}1c", edgecolor=f"{grey}b0", label=name)
@@ -179,7 +181,7 @@ def draw_speed(
         axes.set_xticks(np.arange(0.0, t[-1] + 1.0, 2.0))
         _mark_push(axes, recording)
         axes.set_title(title, pad=22)
-        _legend(axes, [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")])
+        legend(axes, [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")])
 
 
 def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: Recording) -> None:
@@ -192,7 +194,7 @@ def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: R
         low, high = speed_limits([recording], "x", shown)
         axes.set_ylim(low, high)
         axes.set_title(title, pad=22)
-        _legend(axes, list(axes.get_lines()))
+        legend(axes, list(axes.get_lines()))
 
 
 def draw_true_cop(path: Path, formats: tuple[str, ...], title: str, plain: Recording, filtered: Recording) -> None:
@@ -209,7 +211,7 @@ def draw_true_cop(path: Path, formats: tuple[str, ...], title: str, plain: Recor
         _mark_spikes(axes, plain["t"], np.fmax(*distances), top)
         axes.set_xticks(np.arange(0.0, plain["t"][-1] + 1.0, 2.0))
         axes.set_title(title, pad=22)
-        _legend(axes, [*curves, usual])
+        legend(axes, [*curves, usual])
 
 
 def _mark_spikes(axes: Axes, t: Vector, values: Vector, top: float) -> None:
@@ -247,6 +249,6 @@ def speed_limits(
     return float(values.min()) - room, float(values.max()) + room
 
 
-def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
+def legend(axes: Axes, handles: Sequence[Artist]) -> None:
     """In one line between title and axes."""
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(-0.01, 0.985), ncols=len(handles), borderaxespad=0.2)

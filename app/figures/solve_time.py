@@ -1,14 +1,12 @@
 """How long it takes to assemble and solve a QP: measured alone, since other work on the machine would count too."""
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
+from app.bench.bench import laps
 from app.figures.walks import PAPER_PERIOD, sample_motion, using
-from walkcore import Scenario, Simulation
-from walkcore.gait import Footstep, Gait
-from walkcore.pattern_generator import PatternGenerator
+from walkcore import Scenario
 from walkcore.values import Vector
 
 
@@ -29,21 +27,5 @@ def solve_times(robot: str) -> SolveTimes:
 
 
 def plan_durations(scenario: Scenario) -> Vector:
-    """What the pattern generator takes at each tick of a scenario that walks from its beginning on [s]."""
-    robot, p = scenario.robot, scenario.parameters
-    simulation, generator = Simulation(robot, p), PatternGenerator(robot, p)
-    durations: list[float] = []
-    gait: Gait | None = None
-    for command in scenario.commands():
-        s = simulation.step(command)
-        if s.plan is None:
-            break
-        gait = gait or Gait(p, s.support.side, p.samples_before_first_step)
-        side = s.support.side.other
-        swing = Footstep(side, s.feet[side].position, s.feet[side].yaw)
-        horizon = gait.horizon(s.tick)
-        start = time.perf_counter()
-        plan = generator.plan(s.com, s.support, swing, horizon, s.reference, s.heading)
-        durations.append(time.perf_counter() - start)
-        assert np.array_equal(plan.jerks[0], s.jerk), "timed another QP than the one that the robot walked by"
-    return np.array(durations)
+    """What assembling and solving take at each tick of a scenario [s]."""
+    return np.array([tick["assemble"] + tick["solve"] for tick in laps(scenario)])

@@ -4,10 +4,10 @@ import numpy as np
 import viser
 
 from app.palette import COM, PUSH, REFERENCE, Colour, linear
-from app.viewer.shapes import raised
+from app.viewer.shapes import Points, raised
 from app.viewer.stream import Stream
 from walkcore import Snapshot
-from walkcore.values import Vector, rotation
+from walkcore.values import Vector
 
 SECONDS_AHEAD = 1.5  # a velocity's arrow ends where it leads to in them
 TAIL = 0.25  # [m] from the CoM to the beginning of the arrow
@@ -20,12 +20,20 @@ PUSH_SECONDS = 0.6  # that the arrow stays
 FRAMES_PER_VELOCITY = 3
 
 
-def push_points(impulse: Vector, height: float) -> np.ndarray:
-    """Tail and tip of the arrow of a push [N s], shape (2,), relative to the CoM on the ground; shape (1, 2, 3)."""
+def push_points(impulse: Vector, height: float) -> Points:
+    """Tail and tip of the arrow of a push [N s], shape (2,), that ends at the robot; relative to the CoM on the ground.
+
+    Shape (1, 2, 3) [m].
+    """
+    return pull_points(-impulse, height)[:, ::-1]
+
+
+def pull_points(impulse: Vector, height: float) -> Points:
+    """The same, beginning at the robot: as a hand draws it."""
     strength = float(np.hypot(*impulse))
     direction = impulse / strength
-    tip = -CLEARANCE * direction
-    tail = tip - (PUSH_LENGTH + PUSH_LENGTH_PER_IMPULSE * strength) * direction
+    tail = CLEARANCE * direction
+    tip = tail + (PUSH_LENGTH + PUSH_LENGTH_PER_IMPULSE * strength) * direction
     return raised(np.round([tail, tip], 3), height)[None]
 
 
@@ -101,8 +109,3 @@ class PushArrow:
         if self._seconds_left > 0.0:
             stream.on_ground(self._frame, snapshot.com.position)
         stream.visible(self._arrow, self._seconds_left > 0.0)
-
-
-def in_world(vector: Vector, heading: float) -> Vector:
-    """A vector of the robot's heading frame, shape (2,), in the world."""
-    return rotation(heading) @ vector

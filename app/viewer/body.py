@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
+import trimesh
 import viser
 from viser import _messages
 
@@ -26,6 +27,9 @@ FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
 
 class RobotDrawing(Protocol):
     """Whatever draws the robot of a snapshot."""
+
+    meshes: list[viser.MeshHandle]
+    """What a hand can take hold of."""
 
     def update(self, stream: Stream, snapshot: Snapshot) -> None:
         """Put the robot where the snapshot says."""
@@ -56,10 +60,11 @@ class BodyDrawing:
         self._has_fallen = False
         parts = body_parts(body, self._model, face_ratio)
         self._joints = self._add_joints(server, root, {part.joint for part in parts})
+        self.meshes: list[viser.MeshHandle] = []
         for index, part in enumerate(parts):
             name = f"{self._joints[part.joint]}/{index}"
             self._parts[name], self._opacity[name] = part.colour, FEET if part.joint in feet else None
-            _add_part(server, name, part, self._opacity[name])
+            self.meshes.append(_add_part(server, name, part, self._opacity[name]))
 
     def _add_joints(self, server: viser.ViserServer, root: str, seen: set[int]) -> dict[int, str]:
         """A frame for each joint that moves something to be seen, within that of its parent joint.
@@ -99,8 +104,8 @@ class BodyDrawing:
             stream.properties(name, opacity=SEE_THROUGH if is_see_through else solid, cast_shadow=not is_see_through)
 
 
-def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> None:
-    """Add a part as `add_mesh_simple` does, which makes floats of what clients take as whole numbers in half the bytes."""
+def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> viser.MeshHandle:
+    """Add a part as `add_mesh_simple` does, but in whole numbers: half the bytes."""
     vertices, faces, step = part.quantised()
     message = _messages.MeshMessage(
         name,
@@ -118,7 +123,7 @@ def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: flo
             receive_shadow=False,
         ),
     )
-    viser.MeshHandle._make(server.scene, message, name, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), True)
+    return viser.MeshHandle._make(server.scene, message, name, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), True)
 
 
 def _ancestry(parents: Sequence[int], joint: int) -> Iterator[int]:
@@ -135,7 +140,8 @@ class PointMassDrawing:
         """Make the nodes once."""
         self._mass, self._legs = f"{root}/mass", f"{root}/legs"
         self._feet = {side: f"{root}/{side.name.lower()}_foot" for side in Side}
-        server.scene.add_icosphere(self._mass, radius=0.09, color=COM)
+        ball = trimesh.creation.icosphere(subdivisions=3, radius=0.09)
+        self.meshes = [server.scene.add_mesh_simple(self._mass, ball.vertices, ball.faces, color=COM)]
         server.scene.add_line_segments(self._legs, np.zeros((2, 2, 3)), colors=LEFT_FOOT, thickness=0.03)
         for side, colour in ((Side.LEFT, LEFT_FOOT), (Side.RIGHT, RIGHT_FOOT)):
             sole = robot.sole if side is Side.LEFT else mirrored(robot.sole)

@@ -28,7 +28,7 @@ Segment = tuple[Vector, Vector]
 def carriers(snapshot: Snapshot, parameters: Parameters) -> list[tuple[Footstep, ...]]:
     """What carries each sample of the snapshot's plan: one foot, or two side by side.
 
-    Samples before the touchdown stand on the support foot, after some on both feet where the robot begins
+    Samples up to the touchdown stand on the support foot, after some on both feet where the robot begins
     to walk; each foothold then carries a step's samples, and the last one of a stop carries with its neighbour.
     """
     plan = snapshot.plan
@@ -38,7 +38,7 @@ def carriers(snapshot: Snapshot, parameters: Parameters) -> list[tuple[Footstep,
     nb_samples = len(plan.times)
     before = nb_samples
     if np.isfinite(snapshot.time_to_touchdown):
-        before = int(np.count_nonzero(plan.times < snapshot.time_to_touchdown - 1e-6))
+        before = int(np.count_nonzero(plan.times < snapshot.time_to_touchdown + 1e-6))
     alone = min(snapshot.samples_on_support, before)
     both = (snapshot.support, beside)
     result: list[tuple[Footstep, ...]] = [both] * (before - alone) + [(snapshot.support,)] * alone

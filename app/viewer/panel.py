@@ -1,93 +1,49 @@
-"""The panel beside the scene: sliders for the velocity, the method, and which layers are drawn."""
-
-from collections.abc import Callable
-from functools import partial
+"""The panel beside the scene, in tabs. Its controls are shared by all clients."""
 
 import viser
 
 from app.runner import LiveState, Runner
-from app.viewer.layers import LAYERS
-from app.viewer.method_panel import MethodPanel
+from app.viewer.drive_tab import DriveTab
+from app.viewer.method_tab import MethodTab
+from app.viewer.plots_tab import PlotsTab
 from app.viewer.scene import Scene
-from walkcore import Reference
+from app.viewer.system_tab import SystemTab
+from app.viewer.view_tab import add_view_tab
 
-DRIVER = "sliders"
-SLIDERS = {
-    "vx": ("forward", "m/s", 0.01),
-    "vy": ("left", "m/s", 0.01),
-    "yaw_rate": ("turn left", "rad/s", 0.01),
-}
+FRAMES_PER_UPDATE = 6  # five a second
 
 
 class Panel:
-    """The controls, shared by all clients. Their callbacks only leave wishes."""
+    """What a person drives, sees and changes. Callbacks only leave wishes."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        runner: Runner,
-        scene: Scene,
-    ) -> None:
+    def __init__(self, server: viser.ViserServer, runner: Runner, scene: Scene) -> None:
         """Make the controls.
 
         Args:
             server: of viser.
-            runner: is driven by the sliders.
-            scene: whose layers are switched.
+            runner: is driven.
+            scene: whose layers are switched, and whose stream takes what the panel tells.
         """
-        self._runner = runner
-        with server.gui.add_folder("Drive"):
-            self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
-            zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
-            zero.on_click(lambda _: self._drive(Reference()))
-        with server.gui.add_folder("Method", expand_by_default=False):
-            MethodPanel(server, runner)
-        with server.gui.add_folder("View", expand_by_default=False):
-            for name, layer in LAYERS.items():
-                _add_checkbox(server, layer.label, layer.meaning, layer.is_on, partial(scene.show, name))
-            _add_checkbox(
-                server, "see-through", "Let the centre of mass show through the robot", False, scene.see_through
-            )
+        tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Drive"):
+            self._drive = DriveTab(server, runner)
+        with tabs.add_tab("View"):
+            add_view_tab(server, scene)
+        with tabs.add_tab("Method"):
+            self._method = MethodTab(server, runner)
+        with tabs.add_tab("Plots"):
+            self._plots = PlotsTab(server, runner.robot)
+        with tabs.add_tab("System"):
+            self._system = SystemTab(server, runner)
+        self._stream = scene.stream
+        self._frame = 0
 
-    def _add_slider(self, server: viser.ViserServer, name: str) -> viser.GuiSliderHandle[float]:
-        meaning, unit, step = SLIDERS[name]
-        low, high = self._runner.robot.max_reference[name]
-        has_range = low < high
-        hint = f"Velocity asked for, {meaning} [{unit}]; held until changed"
-        slider = server.gui.add_slider(
-            name.replace("_", " "),
-            min=low,
-            max=high if has_range else low + step,
-            step=step,
-            initial_value=0.0,
-            disabled=not has_range,
-            hint=hint if has_range else f"{hint}. This robot does not do that yet.",
-        )
-
-        @slider.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:  # not from `follow`
-                self._drive(Reference(**{key: float(handle.value) for key, handle in self._sliders.items()}))
-
-        return slider
-
-    def _drive(self, reference: Reference) -> None:
-        # A client may send any value, whatever range its slider shows.
-        self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER)
-
-    def follow(self, state: LiveState) -> None:
-        """Let the sliders show what another driver asks for."""
-        if state.driver == DRIVER:
-            return
-        for name, slider in self._sliders.items():
-            slider.value = round(getattr(state.snapshot.reference, name), 2)
-
-
-def _add_checkbox(
-    server: viser.ViserServer, label: str, hint: str, is_set: bool, apply: Callable[[bool], None]
-) -> None:
-    box = server.gui.add_checkbox(label, is_set, hint=hint)
-
-    @box.on_update
-    async def _(_: viser.GuiEvent) -> None:  # in the loop that draws
-        apply(box.value)
+    def follow(self, state: LiveState, nb_clients: int) -> None:
+        """Tell what the robot does, and let the controls show what others ask for."""
+        self._plots.record(state)
+        self._frame += 1
+        if self._frame % FRAMES_PER_UPDATE == 0:
+            self._drive.follow(state)
+            self._method.follow()
+            self._plots.draw(self._stream)
+            self._system.follow(self._stream, state, nb_clients)

@@ -17,9 +17,11 @@ from app.viewer.constraints import ActiveConstraints
 from app.viewer.footprints import FootholdRegions, PastFootprints, PlannedSoles, SupportPolygon
 from app.viewer.layers import LAYERS
 from app.viewer.markers import Balance
+from app.viewer.push_preview import PushPreview
 from app.viewer.push_watch import PushWatch
 from app.viewer.stream import Stream
 from walkcore import Parameters, Robot, Snapshot
+from walkcore.values import Vector
 
 WORLD = "/w"
 GRID_HEIGHT = 0.001  # [m]; at exactly zero the grid can vanish
@@ -65,7 +67,17 @@ class Scene:
         self._balance = Balance(server, roots)
         self._velocities = VelocityArrows(server, roots)
         self._push = PushArrow(server, roots["push"])
+        self._aimed = PushPreview(server, roots["push"], robot)
         self._active = ActiveConstraints(server, roots["active"], robot)
+
+    @property
+    def body(self) -> list[viser.MeshHandle]:
+        """What a hand can take hold of."""
+        return self._robot.meshes
+
+    def aim(self, snapshot: Snapshot, impulse: Vector | None, answer: Snapshot | None) -> None:
+        """Draw a push that somebody is about to give, and what the robot would do; see `PushPreview.update`."""
+        self._aimed.update(self.stream, snapshot, impulse, answer)
 
     def show(self, layer: str, is_visible: bool) -> None:
         """Draw a layer, or hide it; what is hidden is not sent."""

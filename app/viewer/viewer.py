@@ -15,6 +15,7 @@ from viser import _messages
 
 from app.runner import Runner
 from app.viewer.audience import Audience
+from app.viewer.grab import Grab
 from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
 from app.viewer.scene import Look, Scene
@@ -22,9 +23,9 @@ from app.viewer.scene import Look, Scene
 logger = logging.getLogger(__name__)
 
 PERIOD = 1.0 / 30.0  # [s], of drawing
-FRAMES_PER_PANEL_UPDATE = 6
 CAMERA_POSITION, CAMERA_TARGET = (-2.45, 1.75, 1.55), (0.15, 0.0, 0.78)  # [m], relative to the robot on the ground
 FIELD_OF_VIEW = 0.70  # [rad]
+PANEL_WIDTH = 304  # pixels: its tabs in one row
 ACCENT = (34, 111, 220)
 
 
@@ -43,8 +44,9 @@ class Viewer:
         self._scene = Scene(self._server, runner.robot, Look() if look is None else look)
         spare_light_clients(self._server)
         self._audience = Audience(self._server)
+        self._grab = Grab(self._server, runner, self._scene.body)
         self._panel = Panel(self._server, runner, self._scene)
-        self._server.gui.main_panel.set_width(270)
+        self._server.gui.main_panel.set_width(PANEL_WIDTH)
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
         loop = self._server._websock_server._background_event_loop
@@ -68,7 +70,7 @@ class Viewer:
         self._server.stop()
 
     async def _run(self) -> None:
-        frame, last = 0, time.monotonic()
+        last, has_failed = time.monotonic(), False
         due = last
         while True:
             due = max(due + PERIOD, time.monotonic())
@@ -78,17 +80,20 @@ class Viewer:
             if not len(self._audience):
                 continue
             try:
-                self._show(frame, elapsed)
+                self._show(elapsed)
+                has_failed = False
             except Exception:
-                logger.exception("frame %d could not be drawn", frame)
-            frame += 1
+                if not has_failed:  # once, not thirty times a second
+                    logger.exception("the scene cannot be drawn")
+                has_failed = True
 
-    def _show(self, frame: int, elapsed: float) -> None:
+    def _show(self, elapsed: float) -> None:
         state = self._runner.latest
         self._scene.draw(state.snapshot, self._runner.parameters, elapsed)
+        self._grab.ask()
+        self._scene.aim(state.snapshot, self._grab.impulse, self._grab.answer)
+        self._panel.follow(state, len(self._audience))
         self._audience.send(self._scene.stream)
-        if frame % FRAMES_PER_PANEL_UPDATE == 0:
-            self._panel.follow(state)
 
 
 def _server(label: str) -> viser.ViserServer:

@@ -1,0 +1,121 @@
+"""Everything measured in one run, on one core."""
+
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+from app.bench.durations import Durations
+from app.bench.solvers import SolverResult, compare, own_times, problems_of
+from walkcore import Scenario, Simulation, load_scenario
+from walkcore.qp import SOLVERS
+from walkcore.stages import Stopwatch
+
+MOTION = "herdt-2010-section-6"
+NB_QPS = 500
+PERIODS = (0.1, 0.005)  # [s]: the paper's, and that of the live walk
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How much faster than real time a walk was simulated."""
+
+    control_period: float
+    """[s]."""
+    has_body: bool
+    real_time_factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """The whole result; durations in microseconds."""
+
+    machine: Mapping[str, Any]
+    scenario: str
+    stages: Mapping[str, Durations]
+    """Of a tick with the body and the dynamic filter, as in the live walk."""
+    tick: Durations
+    assemble_and_solve: Durations
+    solver_itself: Durations
+    """PIQP's own time on QPs of the same walk."""
+    solvers: Mapping[str, SolverResult]
+    paces: tuple[Pace, ...]
+
+    @property
+    def around_solver(self) -> float:
+        """What assembling and solving takes beside the solver, of the medians [us]."""
+        return self.assemble_and_solve.median - self.solver_itself.median
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return {**asdict(self), "around_solver": self.around_solver}
+
+
+def bench(tell: Callable[[str], None], motion: Scenario | None = None) -> Bench:
+    """Measure; takes half a minute.
+
+    Args:
+        tell: is told what is being measured.
+        motion: of a robot with a body; the paper's if none is given.
+    """
+    motion = load_scenario(MOTION) if motion is None else motion
+    tell("the stages of a tick")
+    live = replace(motion, parameters=replace(motion.parameters, dynamic_filter=True))
+    ticks = laps(live)
+    tell("the QP")
+    point_mass = motion.without_body()
+    planning = [tick["assemble"] + tick["solve"] for tick in laps(point_mass)]
+    problems = problems_of(point_mass, NB_QPS)
+    own = own_times(problems)
+    tell("the solvers")
+    solvers = compare(problems, motion.parameters.horizon_samples)
+    tell("walks against real time")
+    walks = [(period, has_body) for period in PERIODS for has_body in (False, True)]
+    return Bench(
+        machine=_machine(),
+        scenario=motion.name,
+        stages=by_stage(ticks),
+        tick=Durations.of(sum(tick.values()) for tick in ticks),
+        assemble_and_solve=Durations.of(planning),
+        solver_itself=Durations.of(own),
+        solvers=solvers,
+        paces=tuple(_pace(motion, period, has_body) for period, has_body in walks),
+    )
+
+
+def laps(scenario: Scenario) -> list[dict[str, float]]:
+    """Durations of the stages of each tick of a scenario [s]."""
+    stopwatch = Stopwatch(time.perf_counter)
+    simulation = Simulation(scenario.robot, scenario.parameters, stopwatch)
+    ticks: list[dict[str, float]] = []
+    for command in scenario.commands():
+        simulation.step(command)
+        ticks.append(stopwatch.laps)
+    return ticks
+
+
+def by_stage(ticks: list[dict[str, float]]) -> dict[str, Durations]:
+    """Summed up, in the order in which the stages come; a stage counts where it happens."""
+    stages = dict.fromkeys(stage for tick in ticks for stage in tick)
+    return {stage: Durations.of(tick[stage] for tick in ticks if stage in tick) for stage in stages}
+
+
+def _pace(motion: Scenario, control_period: float, has_body: bool) -> Pace:
+    parameters = replace(motion.parameters, control_period=control_period)
+    scenario = replace(motion if has_body else motion.without_body(), parameters=parameters)
+    simulation, commands = Simulation(scenario.robot, parameters), list(scenario.commands())
+    begin = time.perf_counter()
+    for command in commands:
+        simulation.step(command)
+    return Pace(control_period, has_body, scenario.duration / (time.perf_counter() - begin))
+
+
+def _machine() -> dict[str, Any]:
+    packages = ("walk", "numpy", *SOLVERS, "quadprog", "pin", "pin-pink")
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in packages},
+    }

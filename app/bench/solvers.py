@@ -1,0 +1,94 @@
+"""Solvers side by side on the QPs of a walk, with the accuracy of what the QP is for: the next foothold."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import quadprog
+
+from app.bench.durations import Durations
+from walkcore import Scenario, Simulation
+from walkcore.preview import Layout
+from walkcore.qp import QP, SOLVERS, interior_point_solver, piqp_form, solve_qp
+from walkcore.values import Vector
+
+TURN = 25  # QPs that a solver solves before it is the next one's turn: a machine that is busy is so for all of them
+EXACT = "quadprog"  # Goldfarb and Idnani's dual active-set method, whose footholds the others are measured against
+COST_UNIT = 1e6  # its tolerances are absolute, and the cost is small
+
+
+@dataclass(frozen=True, slots=True)
+class SolverResult:
+    """What a solver takes for the QPs of a walk, and how far its footholds are from the exact ones."""
+
+    duration: Durations
+    ratio: float
+    """Median over that of the exact solver."""
+    foothold_error_p95: float
+    """[mm]."""
+    foothold_error_max: float
+    """[mm]."""
+
+
+def problems_of(scenario: Scenario, count: int) -> list[QP]:
+    """Some QPs of a walk, evenly spread."""
+    simulation = Simulation(scenario.robot, scenario.parameters)
+    every = max(1, scenario.nb_ticks // count)
+    problems: list[QP] = []
+    for tick, command in enumerate(scenario.commands()):
+        if tick % every == 0:
+            problems.append(simulation.qp(command.reference))
+        simulation.step(command)
+    return problems
+
+
+def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
+    """Solve them by every solver, taking turns."""
+    solvers: dict[str, Callable[[QP], Vector]] = {name: partial(_solution, name) for name in SOLVERS}
+    solvers |= {EXACT: _exact}
+    durations: dict[str, list[float]] = {name: [] for name in solvers}
+    footholds: dict[str, list[Vector]] = {name: [] for name in solvers}
+    for start in range(0, len(problems), TURN):
+        for name, solve in solvers.items():
+            for problem in problems[start : start + TURN]:
+                begin = time.perf_counter()
+                u = solve(problem)
+                durations[name].append(time.perf_counter() - begin)
+                layout = Layout(nb_samples, len(u) // 2 - nb_samples)
+                footholds[name].append(layout.footholds(u)[:1].ravel())
+    exact = np.concatenate(footholds[EXACT])
+    return {
+        name: _result(durations[name], durations[EXACT], np.concatenate(footholds[name]) - exact) for name in solvers
+    }
+
+
+def own_times(problems: Sequence[QP]) -> list[float]:
+    """What PIQP itself takes, from matrices in its form to its result [s]."""
+    times: list[float] = []
+    for problem in problems:
+        solver, form = interior_point_solver(), piqp_form(problem)
+        begin = time.perf_counter()
+        solver.setup(**form)
+        solver.solve()
+        times.append(time.perf_counter() - begin)
+    return times
+
+
+def _result(durations: list[float], exact: list[float], errors: Vector) -> SolverResult:
+    summary, mm = Durations.of(durations), 1e3 * np.abs(errors)
+    ratio = summary.median / Durations.of(exact).median
+    return SolverResult(summary, ratio, float(np.percentile(mm, 95)), float(np.max(mm)))
+
+
+def _solution(name: str, problem: QP) -> Vector:
+    return solve_qp(problem, name).u
+
+
+def _exact(problem: QP) -> Vector:
+    above, below = np.isfinite(problem.upper), np.isfinite(problem.lower)
+    C = np.vstack([-problem.G[above], problem.G[below]])
+    b = np.concatenate([-problem.upper[above], problem.lower[below]])
+    u, *_ = quadprog.solve_qp(COST_UNIT * problem.P, -COST_UNIT * problem.q, C.T, b)
+    return u

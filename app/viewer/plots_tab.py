@@ -1,0 +1,120 @@
+"""Live plots: velocity against what was asked, centres of pressure against their bounds, computation of a tick."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import uplot
+
+from app.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRUE_COP, Colour
+from app.runner import LiveState
+from app.viewer.stream import Stream
+from walkcore import Robot, Snapshot
+from walkcore.gait import Footstep, Phase
+from walkcore.regions import sole_vertices
+from walkcore.values import rotation
+
+FRAMES_PER_POINT = 2
+POINTS = 120  # eight seconds
+HEIGHT = 118  # pixels
+
+Columns = tuple[NDArray[np.float32], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of a plot."""
+
+    label: str
+    colour: Colour
+    is_dashed: bool = False
+
+    def series(self) -> uplot.Series:
+        """As uPlot knows it."""
+        dash = {"dash": (5.0, 4.0)} if self.is_dashed else {}
+        stroke = "rgb({},{},{})".format(*self.colour)
+        return uplot.Series(label=self.label, stroke=stroke, width=1.5, points={"show": False}, **dash)  # type: ignore[arg-type]
+
+
+COP_LINES = (
+    Line("CoP", COP_TRAIL),
+    Line("true", TRUE_COP),
+    Line("bounds", SUPPORT, is_dashed=True),
+    Line("", SUPPORT, is_dashed=True),
+)
+PLOTS = {
+    "CoM velocity [m/s]": (
+        Line("forward", COM),
+        Line("asked", REFERENCE, is_dashed=True),
+        Line("left", CAPTURE),
+        Line("", REFERENCE, is_dashed=True),
+    ),
+    "CoP forward of the support foot [m]": COP_LINES,
+    "CoP left of the support foot [m]": COP_LINES,
+    "tick [ms]": (Line("mean", COM),),
+}
+
+
+class PlotsTab:
+    """The last seconds. Points are taken at each drawn frame or so, and sent less often."""
+
+    def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
+        """Make the plots, empty."""
+        self._robot = robot
+        self._frame, self._last_t = 0, -np.inf
+        self._rows: deque[list[float]] = deque(maxlen=POINTS)
+        self._plots: list[tuple[Any, int]] = []
+        times = np.linspace(-1.0, 0.0, 2)
+        for title, lines in PLOTS.items():
+            plot = server.gui.add_uplot(
+                (times, *[np.zeros(2)] * len(lines)),
+                (uplot.Series(label="t"), *(line.series() for line in lines)),
+                title=title,
+                height=HEIGHT,
+                scales={"x": uplot.Scale(time=False)},
+                legend=uplot.Legend(show=True, live=False),
+                padding=(8, 10, 0, 0),
+            )
+            self._plots.append((plot, len(lines)))
+
+    def record(self, state: LiveState) -> None:
+        """Take note of a state that is new."""
+        t = state.snapshot.t
+        if t < self._last_t:
+            self._rows.clear()
+        self._frame += 1
+        if t == self._last_t or self._frame % FRAMES_PER_POINT:
+            return
+        self._last_t = t
+        self._rows.append([t, *_row(self._robot, state.snapshot), state.timing.tick_ms])
+
+    def draw(self, stream: Stream) -> None:
+        """Send the plots."""
+        if len(self._rows) < 2:
+            return
+        columns = np.array(self._rows, dtype=np.float32).T
+        times, first = np.ascontiguousarray(columns[0]), 1
+        for plot, count in self._plots:
+            values: Columns = tuple(np.ascontiguousarray(column) for column in columns[first : first + count])
+            stream.control(plot._impl.uuid, data=(times, *values))
+            first += count
+
+
+def _row(robot: Robot, snapshot: Snapshot) -> list[float]:
+    """The values of all plots but the last one, in their order."""
+    asked = snapshot.reference
+    forward, left = rotation(snapshot.heading).T @ snapshot.com.velocity
+    foot = snapshot.support
+    to_foot = rotation(foot.yaw).T
+    cop = to_foot @ (snapshot.cop - foot.position)
+    true_cop = cop if snapshot.true_cop is None else to_foot @ (snapshot.true_cop - foot.position)
+    feet = [foot]
+    if snapshot.phase is not Phase.SINGLE_SUPPORT:
+        feet = [Footstep(side, state.position, state.yaw) for side, state in snapshot.feet.items()]
+    corners = np.vstack([sole_vertices(robot.sole, each) - foot.position for each in feet]) @ to_foot.T
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    along = [value for i in range(2) for value in (cop[i], true_cop[i], low[i], high[i])]
+    return [forward, asked.vx, left, asked.vy, *along]

@@ -1,0 +1,39 @@
+"""Which layers are drawn, and what their colours mean."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import viser
+
+from app.viewer.layers import LAYERS
+from app.viewer.scene import Scene
+
+SWATCH = (
+    '<span style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
+    '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{}">'
+    "</i>{}</span>"
+)
+
+
+def add_view_tab(server: viser.ViserServer, scene: Scene) -> None:
+    """Make a switch for each layer, below the legend."""
+    server.gui.add_html(_legend())
+    for name, layer in LAYERS.items():
+        _add_checkbox(server, layer.label, layer.meaning, layer.is_on, partial(scene.show, name))
+    _add_checkbox(server, "see-through", "Let the centre of mass show through the robot", False, scene.see_through)
+
+
+def _legend() -> str:
+    swatches = [SWATCH.format(f"rgb{layer.colour}", layer.label) for layer in LAYERS.values() if layer.colour]
+    return f'<div style="font-size:.76em;line-height:1.5;padding:.5em .6em 0">{"".join(swatches)}</div>'
+
+
+def _add_checkbox(
+    server: viser.ViserServer, label: str, hint: str, is_set: bool, apply: Callable[[bool], None]
+) -> None:
+    box = server.gui.add_checkbox(label, is_set, hint=hint)
+
+    @box.on_update
+    async def _(_: viser.GuiEvent[Any]) -> None:  # in the loop that draws
+        apply(box.value)

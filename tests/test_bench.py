@@ -1,0 +1,56 @@
+"""What `walk bench` measures is what it says; no test here fails on a time."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.bench import bench, table
+from app.bench.solvers import compare, problems_of
+from walkcore import load_scenario
+from walkcore.preview import FOOTHOLD_UNIT
+from walkcore.qp import SOLVERS
+
+SHORT = replace(load_scenario("herdt-2010-section-6"), duration=1.2, events=())
+
+
+@pytest.fixture(scope="module")
+def result():
+    return bench(tell=lambda _: None, motion=SHORT)
+
+
+def test_the_stages_of_a_tick_add_up(result):
+    names = {"gait", "assemble", "solve", "snapshot", "dynamic_filter", "swing_foot", "inverse_kinematics", "true_cop"}
+    assert set(result.stages) == names
+    assert sum(stage.max for stage in result.stages.values()) >= result.tick.max
+    assert result.tick.median >= max(stage.median for stage in result.stages.values())
+
+
+def test_all_solvers_solve_the_same_qps_to_within_a_millimetre(result):
+    assert set(result.solvers) == {*SOLVERS, "quadprog"}
+    for solver in result.solvers.values():
+        assert solver.foothold_error_max < 1.0
+        assert 0.0 < solver.duration.median <= solver.duration.p99 <= solver.duration.max
+
+
+def test_a_solver_that_is_wrong_shows(monkeypatch):
+    def lazy(problem):
+        solution = SOLVERS["piqp"](problem)
+        return replace(solution, u=solution.u + 1e-3 / FOOTHOLD_UNIT)
+
+    monkeypatch.setitem(SOLVERS, "lazy", lazy)
+    results = compare(problems_of(SHORT.without_body(), 10), SHORT.parameters.horizon_samples)
+    assert results["piqp"].foothold_error_max < 1e-2
+    assert results["lazy"].foothold_error_max == pytest.approx(1.0, rel=0.01)
+
+
+def test_the_table_tells_all_of_it(result):
+    text = table(result)
+    for name in (*result.stages, *result.solvers, "assemble + solve", "with the body"):
+        assert name in text
+
+
+def test_the_mapping_holds_the_same(result):
+    mapping = result.to_mapping()
+    assert mapping["stages"]["solve"]["median"] == result.stages["solve"].median
+    assert mapping["around_solver"] == pytest.approx(result.around_solver)
+    assert [pace["real_time_factor"] > 0.0 for pace in mapping["paces"]] == [True] * 4

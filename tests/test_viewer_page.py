@@ -1,0 +1,75 @@
+"""The robot's body under a hand, in a real browser."""
+
+import time
+
+import numpy as np
+import pytest
+from hands import Finger, Mouse, centre
+from playwright.sync_api import expect
+
+PATIENCE = 120.0  # [s] on the wall, after which something hangs
+DESKTOP = {"viewport": {"width": 640, "height": 480}}
+PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
+
+
+@pytest.fixture
+def visit(browser, server):
+    contexts = []
+
+    def open_page(**device):
+        contexts.append(browser.new_context(**device))
+        page = contexts[-1].new_page()
+        page.goto(server.url)
+        expect(page.frame_locator("[data-testid=viewer]").locator("canvas").first).to_be_visible(timeout=1e3 * PATIENCE)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+def chest_of(page):
+    box = page.get_by_test_id("viewer").bounding_box()
+    x, y = centre(page.get_by_test_id("viewer"))
+    return x, y - 0.12 * box["height"]
+
+
+def push_by(pointer, chest, api):
+    """Drag to the right and let go; until the robot is there to be taken hold of, nothing comes of it."""
+
+    def pushed():
+        pointer.drag(chest, (chest[0] + 90, chest[1]))
+        time.sleep(0.5)
+        pointer.lift()
+        time.sleep(0.5)
+        return api.get("live").json()["last_push"]
+
+    give_up = time.monotonic() + PATIENCE
+    while not (push := pushed()):
+        assert time.monotonic() < give_up, "nothing takes hold of the robot"
+    return push
+
+
+def assert_right_and_back(push):
+    """The eye is behind the left shoulder: right on the screen is to the right of the robot, and back."""
+    x, y = push["impulse"]
+    assert 5.0 < np.hypot(x, y) < -2.0 * y and x < 0.0
+
+
+def test_finger_that_drags_the_body_pushes_it_that_way(visit, api):
+    page = visit(**PHONE)
+    assert_right_and_back(push_by(Finger(page), chest_of(page), api))
+
+
+def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_lets_go(visit, api):
+    page = visit(**DESKTOP)
+    pointer, chest = Mouse(page), chest_of(page)
+    before = push_by(pointer, chest, api)
+    assert_right_and_back(before)
+    pointer.drag(chest, (chest[0] - 90, chest[1]))
+    time.sleep(0.5)
+    page.keyboard.press("Escape")
+    time.sleep(1.0)
+    pointer.lift()
+    time.sleep(1.0)
+    assert api.get("live").json()["last_push"]["t"] == before["t"]
