@@ -69,8 +69,9 @@ class Footholds:
 
     def __call__(self) -> None:
         """Try, sum up, write and tell."""
+        from app.cores import usable_cores
         from app.foothold_report import summary, write  # draws: a library that takes a second to load
-        from app.footholds import study, usable_cores
+        from app.footholds import study
 
         found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
         write(found, self.out)

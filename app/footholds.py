@@ -4,7 +4,6 @@ The polygons depend on the samples and on the seed alone, not on the number of p
 each trial starts from the same rest, and results come back in the order of the placements.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -106,11 +105,6 @@ def _tried(pool: ProcessPoolExecutor, placements: Matrix, label: str) -> list[Ou
     """What came of the placements, in their order."""
     outcomes = pool.map(_try_placement, placements, chunksize=CHUNK)
     return list(tqdm(outcomes, label, len(placements), disable=None))
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from app.footholds import usable_cores
+from app.cores import usable_cores
 from walkcore import load_scenario, scenario_names
 from walkcore.errors import InvalidValueError
 from walkcore.expectations import Verdict

@@ -1,6 +1,7 @@
 import io
 import json
 import math
+from collections import Counter
 from pathlib import Path
 
 import jsonschema
@@ -85,9 +86,10 @@ def test_mcap_holds_every_row_and_run_json(recording, folder):
 
 def test_mcap_messages_fit_their_schemas_and_foxglove_knows_their_names(recording, folder):
     has_body = recording.scenario.robot.body is not None
-    kinds = {}
+    kinds, nb_seen = {}, Counter()
     for topic, name, _, content, schema in messages_of(folder):
-        if topic not in kinds or len(content.get("entities", ())) > 0:
+        nb_seen[topic] += 1
+        if nb_seen[topic] % 20 == 1:  # validating all of them takes seconds
             jsonschema.validate(content, schema)
         kinds[topic] = name
     expected = {

@@ -1,12 +1,14 @@
+import contextlib
+import io
 import json
-import os
-import subprocess
 import sys
-from pathlib import Path
+from dataclasses import dataclass
+from unittest.mock import patch
 
 import pytest
 
-WALK = Path(sys.executable).parent / "walk"
+from app.cli import main
+
 SHORT = """
 name: short
 description: a short walk
@@ -18,10 +20,22 @@ expect: {{not_fallen: true, max_final_speed: {bound}}}
 """
 
 
-def walk(*arguments, **options):
-    """The command, as a user calls it."""
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.run([WALK, *map(str, arguments)], capture_output=True, text=True, env=environment, **options)
+@dataclass
+class Said:
+    """What a command left on the terminal."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def walk(*arguments):
+    """The command, as the script `walk` calls it."""
+    out, err = io.StringIO(), io.StringIO()
+    with patch.object(sys, "argv", ["walk", *map(str, arguments)]), contextlib.redirect_stdout(out):
+        with contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
+            main()
+    return Said(ended.value.code or 0, out.getvalue(), err.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +83,9 @@ def test_one_scenario_goes_straight_into_the_folder_with_the_same_bytes(runs, tm
         (["compare", "nowhere"], "name at least two"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_two(arguments, told, tmp_path):
-    said = walk(*arguments, cwd=tmp_path)
+def test_bad_input_is_one_line_and_exit_code_two(arguments, told, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = walk(*arguments)
     assert said.returncode == 2
     assert told in said.stderr and len(said.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
