@@ -42,8 +42,9 @@ class WalkingQP:
             parameters: weights, and the scheme that says which of them count.
         """
         self.preview = preview
-        self._Q, self._J = _objective(preview, parameters)
-        self._points = preview.cops().followed_by(preview.strides(), preview.flight())
+        cops = preview.cops()
+        self._Q, self._J = _objective(preview, cops, parameters)
+        self._points = cops.followed_by(preview.strides(), preview.flight())
         self._polygon_of_point = _polygon_of_point(preview) if parameters.terms.is_constrained else []
         self._edges = lru_cache(maxsize=MAX_KEPT)(self._compute_edges)
         self._rows = lru_cache(maxsize=MAX_KEPT)(self._compute_rows)
@@ -99,13 +100,18 @@ def _polygon_of_point(preview: Preview) -> list[int]:
     return [*map(int, preview.horizon.carrier), *strides, *[beyond + m][:m]]
 
 
-def _objective(preview: Preview, parameters: Parameters) -> tuple[Matrix, Matrix]:
+def _objective(preview: Preview, cops: LinearPoints, parameters: Parameters) -> tuple[Matrix, Matrix]:
     """Q, and J of p = J k, of the sum of weight/2 || D u + K k ||^2; with the terms of (19) they are (23)-(25)."""
-    terms = [(getattr(parameters, w), _term(name, preview, parameters)) for name, w in parameters.terms.weights.items()]
-    Q_axis = np.sum([weight * term.D.T @ term.D for weight, term in terms], axis=0)
-    J = np.sum([weight * term.D.T @ term.K for weight, term in terms], axis=0)
-    zero = np.zeros_like(Q_axis)
-    return np.asfortranarray(np.block([[Q_axis, zero], [zero, Q_axis]])), J
+    n, known = preview.layout.axis, cops.K.shape[1]
+    Q_axis, J = np.zeros((n, n)), np.zeros((n, known))
+    for name, weight in parameters.terms.weights.items():
+        term = cops if name == "cop" else _term(name, preview, parameters)
+        weighted = getattr(parameters, weight) * term.D.T
+        Q_axis += weighted @ term.D
+        J[:] += weighted @ term.K
+    Q = np.zeros((2 * n, 2 * n), order="F")
+    Q[:n, :n] = Q[n:, n:] = Q_axis
+    return Q, J
 
 
 def _term(term: str, preview: Preview, parameters: Parameters) -> LinearPoints:
@@ -117,8 +123,6 @@ def _term(term: str, preview: Preview, parameters: Parameters) -> LinearPoints:
             return preview.velocity_errors()
         case "mean_velocity":
             return preview.mean_velocity_errors(over=2 * parameters.samples_per_step)
-        case "cop":
-            return preview.cops()
         case "foothold":
             return preview.foothold_errors()
         case _:
