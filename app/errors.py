@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
-from app.runner import NoAnswerError, NothingToSaveError, NotPausedError
+from app.live.runner import NoAnswerError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from app.schemas import ErrorBody, FieldError
 from walkcore.errors import InvalidValueError, WalkError

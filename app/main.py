@@ -8,12 +8,12 @@ from fastapi import FastAPI
 
 from app import errors, page
 from app.body_limit import BodyLimitMiddleware
+from app.live.runner import Runner
 from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
 from app.routes import live, runs, service, sockets
 from app.routes.signin import signin_router
-from app.runner import Runner
 from app.runs import Limits, Runs
 from app.settings import Settings
 from app.token import Token, TokenMiddleware

@@ -7,9 +7,9 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from app.live_state import LiveState
-from app.pace import LATENESS_EDGES, Timing
-from app.runner import Runner
+from app.live.pace import LATENESS_EDGES, Timing
+from app.live.runner import Runner
+from app.live.state import LiveState
 
 SERVER = psutil.Process()
 

@@ -7,9 +7,9 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from app.live.pace import LATENESS_EDGES, Timing
+from app.live.runner import INTERVALS, SPEEDS, LiveState
 from app.outlines import foothold_regions, support_polygon
-from app.pace import LATENESS_EDGES, Timing
-from app.runner import INTERVALS, SPEEDS, LiveState
 from walkcore import Push, Reference, Robot, Snapshot
 from walkcore.recording import row
 

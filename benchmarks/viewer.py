@@ -22,8 +22,8 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
-from app.pace import Pace
-from app.runner import LiveState
+from app.live.pace import Pace
+from app.live.runner import LiveState
 from app.viewer import Viewer
 from app.viewer.audience import Audience
 from app.viewer.scene import Scene

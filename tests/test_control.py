@@ -2,8 +2,8 @@
 
 import pytest
 
-from app.control import NOBODY, Control, Drive, NotPausedError
-from app.live_state import LiveState, RandomPushes
+from app.live.control import NOBODY, Control, Drive, NotPausedError
+from app.live.state import LiveState, RandomPushes
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.pattern_generator import Status
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from app import hand
-from app.hand import Hand
-from app.runner import Runner
+from app.live import hand
+from app.live.hand import Hand
+from app.live.runner import Runner
 from walkcore import Parameters, Push, Reference, load_robot
 
 FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)

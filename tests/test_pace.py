@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.pace import MAX_LATENESS, Pace
+from app.live.pace import MAX_LATENESS, Pace
 
 START = 100.0
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import psutil
 import pytest
 
-from app.runner import NoAnswerError, NotPausedError, Runner
+from app.live.runner import NoAnswerError, NotPausedError, Runner
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 
@@ -200,7 +200,7 @@ def test_a_paused_robot_is_not_silent(mortal):
 
 SERVER = """
 import time
-from app.runner import Runner
+from app.live.runner import Runner
 from walkcore import Parameters, load_robot
 runner = Runner(load_robot("hrp2"), Parameters())
 runner.start()
@@ -220,7 +220,7 @@ def test_the_control_process_ends_with_its_server_however_that_ends(how):
 
 
 def test_the_control_process_imports_nothing_of_the_web():
-    program = "import app.control_process, sys; print(*{name.split('.')[0] for name in sys.modules})"
+    program = "import app.live.process, sys; print(*{name.split('.')[0] for name in sys.modules})"
     loaded = set(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.split())
     assert "walkcore" in loaded and loaded & {"fastapi", "uvicorn", "viser", "pydantic", "starlette"} == set()
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from app import session
-from app.control import Control, Drive, NothingToSaveError
-from app.session import Session
+from app.live import session
+from app.live.control import Control, Drive, NothingToSaveError
+from app.live.session import Session
 from walkcore import Parameters, Push, Reference, load_robot
 from walkcore.recording import record
 from walkcore.scenario import scenario_from_mapping

@@ -8,14 +8,14 @@ import time
 
 import pytest
 
-from app.slot import HEADER, Slot
+from app.live.slot import HEADER, Slot
 
 CAPACITY = 4096
 
 # Writes ever longer runs of one byte, as fast as it can.
 WRITER = """
 import mmap, sys
-from app.slot import Slot
+from app.live.slot import Slot
 slot = Slot(memoryview(mmap.mmap(int(sys.argv[1]), Slot.size(4096))), 4096)
 for i in range(1, 60_000):
     slot.write(bytes([i % 251]) * (1 + i % 4096))
@@ -51,7 +51,7 @@ def test_a_value_that_was_half_written_is_not_read(slot, monkeypatch):
     def mend(_: float) -> None:
         slot._memory[slot._buffer(2) + HEADER.size] = ord("t")
 
-    monkeypatch.setattr("app.slot.time.sleep", mend)
+    monkeypatch.setattr("app.live.slot.time.sleep", mend)
     assert slot.read().data == b"two"
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
-from app.runner import Runner
+from app.live.runner import Runner
 
 
 def _runner(connection: HTTPConnection) -> Runner:

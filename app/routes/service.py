@@ -7,9 +7,9 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
+from app.live.runner import LiveState
 from app.metrics import SERVER, memory_of
 from app.routes.connection import LiveRunner
-from app.runner import LiveState
 from app.schemas import Health, RobotBody, late_json, robot_body
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 

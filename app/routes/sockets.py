@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from app.errors import field_errors, summary
-from app.hand import Hand
+from app.live.hand import Hand
 from app.routes.connection import LiveRunner
 from app.schemas import TeleopMessage, live_json
 from walkcore.errors import InvalidValueError

@@ -4,7 +4,7 @@ from typing import Any
 
 import viser
 
-from app.runner import LiveState, Runner
+from app.live.runner import LiveState, Runner
 from walkcore import Reference
 
 DRIVER = "sliders"

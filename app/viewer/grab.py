@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.runner import NoAnswerError, Runner
+from app.live.runner import NoAnswerError, Runner
 from walkcore import Push, Snapshot, WalkError
 from walkcore.values import Vector
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from app.runner import NoAnswerError, Runner
+from app.live.runner import NoAnswerError, Runner
 from walkcore import Parameters, WalkError
 from walkcore.schemes import SCHEMES
 

@@ -2,7 +2,7 @@
 
 import viser
 
-from app.runner import LiveState, Runner
+from app.live.runner import LiveState, Runner
 from app.viewer.drive_tab import DriveTab
 from app.viewer.method_tab import MethodTab
 from app.viewer.plots_tab import PlotsTab

@@ -9,8 +9,8 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
+from app.live.runner import LiveState
 from app.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRUE_COP, Colour
-from app.runner import LiveState
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
 from walkcore.gait import Footstep, Phase

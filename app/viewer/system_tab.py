@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 import viser
 
-from app.runner import LiveState, Runner
+from app.live.runner import LiveState, Runner
 from app.viewer.stream import Stream
 
 TABLE = '<table style="font-size:.8em;line-height:1.55;margin:.5em .7em;font-variant-numeric:tabular-nums">{}</table>'

@@ -13,7 +13,7 @@ from concurrent.futures import Future
 import viser
 from viser import _messages
 
-from app.runner import Runner
+from app.live.runner import Runner
 from app.viewer.audience import Audience
 from app.viewer.grab import Grab
 from app.viewer.light_clients import spare_light_clients

@@ -1,6 +1,6 @@
 """The robot that walks in real time, as the server sees it: wishes in, latest state out.
 
-The walk itself goes on in a process of its own, `app.control_process`. Nothing waits for its ticks
+The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks
 and its ticks wait for nobody: state, reference and push are single places in shared memory where
 the latest value wins, and what pauses, resumes, steps or resets is a wish with an answer.
 """
@@ -13,10 +13,10 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
-from app.control import NOBODY, Control, Drive, NothingToSaveError, NotPausedError
-from app.control_link import ControlLink, NoAnswerError
-from app.live_state import LiveState, RandomPushes
-from app.session import Session
+from app.live.control import NOBODY, Control, Drive, NothingToSaveError, NotPausedError
+from app.live.link import ControlLink, NoAnswerError
+from app.live.session import Session
+from app.live.state import LiveState, RandomPushes
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
 

@@ -6,7 +6,7 @@ import tempfile
 from dataclasses import dataclass
 from typing import Any
 
-from app.slot import Slot
+from app.live.slot import Slot
 
 STATE, WISH = 256 * 1024, 1024  # bytes
 MAX_MESSAGE = 160 * 1024  # bytes, of a wish, of its answer or of a part of it, which go by a socket

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from app.live_state import RandomPushes
+from app.live.state import RandomPushes
 from walkcore import Push
 
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.live_state import LastPush
+from app.live.state import LastPush
 from walkcore import Snapshot
 from walkcore.gait import Phase, Side
 from walkcore.pattern_generator import Status

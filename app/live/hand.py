@@ -7,7 +7,7 @@ again only when it takes hold anew, or when nobody drives any more.
 
 import numpy as np
 
-from app.runner import NOBODY, Runner
+from app.live.runner import NOBODY, Runner
 from walkcore import Push, Reference
 
 EXPIRES = 0.4  # [s] after which a silent hand counts as let go

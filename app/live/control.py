@@ -1,6 +1,6 @@
 """The control loop's work: ticks the simulation and grants what is wished of it between two ticks.
 
-Knows neither processes nor waiting, so that all of it can be tested tick by tick: `app.control_process`
+Knows neither processes nor waiting, so that all of it can be tested tick by tick: `app.live.process`
 calls `tick` when one is due.
 """
 
@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.last_push import PushFollower
-from app.live_state import Counts, LiveState, RandomPushes
-from app.pace import Pace
-from app.random_pushes import RandomPusher
-from app.session import SessionLog
+from app.live.last_push import PushFollower
+from app.live.pace import Pace
+from app.live.random_pushes import RandomPusher
+from app.live.session import SessionLog
+from app.live.state import Counts, LiveState, RandomPushes
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.pattern_generator import Status
 from walkcore.stages import Stopwatch

@@ -1,6 +1,6 @@
 """The process in which the control loop runs, so that no page, scene or request can hold up a tick.
 
-The server starts it as `python -m app.control_process SOCKET MEMORY` with two open descriptors.
+The server starts it as `python -m app.live.process SOCKET MEMORY` with two open descriptors.
 It ends when the server closes the socket, by dying too, and leaves SIGINT and SIGTERM to the server.
 """
 
@@ -21,9 +21,9 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
 
-from app.control import Control, NothingToSaveError, NotPausedError
-from app.control_channel import MAX_MESSAGE, ControlMemory, Part
-from app.live_state import LiveState
+from app.live.channel import MAX_MESSAGE, ControlMemory, Part
+from app.live.control import Control, NothingToSaveError, NotPausedError
+from app.live.state import LiveState
 from walkcore import WalkError
 
 ROOM = 0.002  # [s] before the next tick that a wish is given at least

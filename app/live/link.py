@@ -15,9 +15,9 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from app.control import Drive
-from app.control_channel import MAX_MESSAGE, ControlMemory, Part, create_file
-from app.live_state import LiveState
+from app.live.channel import MAX_MESSAGE, ControlMemory, Part, create_file
+from app.live.control import Drive
+from app.live.state import LiveState
 from walkcore import Parameters, Push, Robot
 
 SILENCE = 2.0  # [s] without a word from the process, after which something is wrong with it
@@ -38,7 +38,7 @@ class ControlLink:
         self._memory = ControlMemory(file)
         self._process = subprocess.Popen(
             # -P: a folder named app where the user stands is not ours.
-            [sys.executable, "-P", "-m", "app.control_process", str(theirs.fileno()), str(file)],
+            [sys.executable, "-P", "-m", "app.live.process", str(theirs.fileno()), str(file)],
             pass_fds=(theirs.fileno(), file),
             stdin=subprocess.DEVNULL,
             process_group=0,  # Ctrl-C in a terminal is for the server, which then closes the socket

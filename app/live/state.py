@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.pace import Timing
+from app.live.pace import Timing
 from walkcore import Snapshot
 
 
