@@ -25,7 +25,7 @@ CORE = """
     recording session replay
 """.split()
 SERVER = """
-    slot pace live_state
+    cores slot pace live_state
     random_pushes last_push session
     control control_channel control_process control_link
     runner
