@@ -12,7 +12,7 @@ APT := $$([ "$$(id -u)" = 0 ] || echo sudo -n) env DEBIAN_FRONTEND=noninteractiv
 debian = { echo 'make: installing $(1) $(2)'; { $(APT) update -qq && $(APT) install -y -qq $(1); } >/dev/null 2>&1; } \
 	|| { echo 'make: $(1) is missing $(2); install it: apt-get install $(1)' >&2; exit 1; }
 
-.PHONY: run test check soak install browser lock image-check
+.PHONY: run test check soak install browser lock notebook image-check
 
 run: install
 	@exec $(BIN)/walk serve
@@ -54,6 +54,11 @@ lock:
 	$(LOCK) pyproject.toml --extra dev --output-file requirements.lock
 	$(LOCK) pyproject.toml --constraint requirements.lock --output-file requirements-runtime.lock
 	$(LOCK) --group build --constraint requirements.lock --output-file requirements-build.lock
+
+# docs/client.ipynb with its outputs, from a server that runs at WALK_SERVER (http://localhost:8000).
+notebook: install
+	$(BIN)/uvx --with ipykernel --with httpx --with matplotlib --with msgpack --with numpy --with websockets \
+		--from nbconvert jupyter-nbconvert --execute --to notebook --inplace docs/client.ipynb
 
 # The Dockerfile, built and run where no container engine is: as root, with debootstrap and buildah.
 image-check:

@@ -18,14 +18,8 @@ from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are told
 MAX_SHOWN = 100  # characters of a refused value that are sent back
-BODIES = (
-    "reference",
-    "push",
-    "parameters",
-    "scenario",
-    "speed",
-    "random_pushes",
-)  # what the core calls what here is the body
+# What the core calls what here is the body.
+BODIES = ("reference", "push", "parameters", "scenario", "speed", "random_pushes")
 
 
 def install(app: FastAPI) -> None:

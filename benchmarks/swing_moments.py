@@ -26,7 +26,9 @@ def samples(robot_name: str) -> tuple[np.ndarray, np.ndarray]:
                 continue
             landing, foot = s.time_to_touchdown, s.feet[s.support.side.other]
             lift_off = landing - 0.7
-            xy, z = swing_accelerations(foot, s.plan.footholds[0], 0.0, landing, lift_off, 0.05, np.zeros(1))
+            of_motion, of_apex = swing_accelerations(0.0, landing, lift_off, np.zeros(1))
+            xy = of_motion @ [*foot.matrix[:, :2], s.plan.footholds[0].position]
+            z = simulation.parameters.swing_height * of_apex
             rows += [(xy[0, 0], z[0], s.com.acceleration[0]), (xy[0, 1], 0.0, s.com.acceleration[1])]
             errors += list(s.true_cop - s.cop)
     return np.array(rows), np.array(errors)

@@ -17,7 +17,8 @@ def test_planned_accelerations_are_those_of_the_flight():
     times = np.arange(700) * tick
     heights = np.array([swing_height(t / duration, 0.05) for t in times])
     start = standing(Footstep(Side.LEFT, np.zeros(2), 0.0))
-    xy, z = swing_accelerations(start, foothold, 0.0, duration, 0.0, 0.05, times)
+    of_motion, of_apex = swing_accelerations(0.0, duration, 0.0, times)
+    xy, z = of_motion @ [*start.matrix[:, :2], foothold.position], 0.05 * of_apex
     assert np.allclose(np.diff(positions, 2, axis=0) / tick**2, xy[1:-1], atol=0.02)
     assert np.allclose(np.diff(heights, 2) / tick**2, z[1:-1], atol=0.02)
 

@@ -26,7 +26,7 @@ from walkcore.errors import InvalidValueError
 from walkcore.recording import record
 from walkcore.scenario import scenario_from_mapping
 
-PATIENCE = 60.0  # [s] on a busy machine
+PATIENCE = 280.0  # [s] after which something hangs
 SHORT = {
     "name": "short",
     "robot": "hrp2",
@@ -107,7 +107,7 @@ def wait_until_running(get: Any, run_id: str) -> Any:
 
 def workers(server: int | None = None) -> list[psutil.Process]:
     """Processes that simulate, of a server or of this process; none that has ended."""
-    children = psutil.Process(server).children()
+    children = [child for child in psutil.Process(server).children() if child.status() != psutil.STATUS_ZOMBIE]
     return [child for child in children if any("spawn_main" in word for word in child.cmdline())]
 
 
@@ -126,7 +126,7 @@ def test_a_posted_run_gives_the_same_bytes_as_the_command_line(api, tmp_path):
 
     file = tmp_path / "scenario.json"
     file.write_text(json.dumps(SHORT))
-    subprocess.run([WALK, "run", file, "--out", tmp_path / "out"], check=True, capture_output=True, timeout=60)
+    subprocess.run([WALK, "run", file, "--out", tmp_path / "out"], check=True, capture_output=True)
     size = 0
     for name in ("recording.npz", "recording.csv", "run.json"):
         sent = httpx.get(f"{str(api.base_url).removesuffix('/api/v1/')}{location}/{name}")
@@ -213,7 +213,7 @@ def test_a_hundred_at_once_are_taken_in_or_put_off_and_the_live_robot_walks_on(a
         ('{"duration": 1, "events": [{"t": 0, "push": {"impulse": [[1], 2]}}]}', "events.0.push.impulse.0"),
         ('{"duration": 1, "name": "' + "x" * 2000 + '"}', "text"),
         ('{"duration": 1, "name": "\\ud800"}', "text"),
-        ('{"duration": 1, "\\ud800": 1}', "?"),
+        ('{"duration": 1, "\\ud800": 1}', "body"),
         ('{"duration": 1, "name": ' + "[" * 50 + "]" * 50 + "}", "name"),
         ('{"duration": 1, "x": ' + "[" * 500 + "]" * 500 + "}", "x"),
         ("[" * 100_000, "body"),

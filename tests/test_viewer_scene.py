@@ -16,6 +16,7 @@ from app.viewer.grab import Grab, on_ground
 from app.viewer.layers import LAYERS
 from app.viewer.markers import points_of, previews_of
 from app.viewer.method_tab import MethodTab
+from app.viewer.plots_tab import _row
 from app.viewer.robot_mesh import BodyPart, _closed
 from app.viewer.scene import Scene
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
@@ -248,6 +249,16 @@ def test_quantised_part_is_the_part():
     vertices, faces, step = part.quantised()
     assert vertices.dtype == np.int16 and faces.dtype == np.uint16
     assert vertices * step == pytest.approx(part.vertices, abs=2e-5)
+
+
+def test_plots_show_the_cop_within_its_bounds_and_the_velocity_that_is_asked():
+    robot = load_robot("hrp2")
+    for snapshot in walk():
+        forward, asked, left, asked_left, *cops = _row(robot, snapshot)
+        assert (asked, asked_left) == (snapshot.reference.vx, snapshot.reference.vy)
+        assert np.hypot(forward, left) == pytest.approx(np.linalg.norm(snapshot.com.velocity))
+        for cop, true_cop, low, high in (cops[:4], cops[4:]):
+            assert low - 1e-6 <= cop <= high + 1e-6 and true_cop == cop  # a point mass
 
 
 class Client:

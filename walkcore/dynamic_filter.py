@@ -29,7 +29,7 @@ from walkcore.lipm import CoMState
 from walkcore.pattern_generator import Plan
 from walkcore.robot import SwingMoments
 from walkcore.swing_foot import FootState, standing, swing_accelerations
-from walkcore.values import Matrix, Vector, read_only
+from walkcore.values import Vector, frozen, read_only
 
 LOOK_AHEAD, STEP = 1.2, 0.025  # [s]; exp(-omega * 1.2 s) is 2 %
 SMOOTHING = 0.04  # [s]
@@ -70,7 +70,34 @@ class Motion:
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
-    return read_only(_weights(omega) @ (_of_swings(motion, moments) + moments.com * _com_accelerations(motion)))
+    return frozen(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
+
+
+def _of_com(motion: Motion, omega: float) -> Vector:
+    """What the CoM's acceleration makes of xi, if it moved the CoP by as many metres, shape (2,)."""
+    p, plan = motion.gait.parameters, motion.plan
+    of_jerks = _weights_of_jerks(float(plan.times[0]), p.sampling_period, len(plan.times), omega)
+    return _weights(omega).sum() * motion.com.acceleration + of_jerks @ plan.jerks
+
+
+def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
+    """What the coming swings make of xi, shape (2,)."""
+    p, gait = motion.gait.parameters, motion.gait
+    xi = np.zeros(2)
+    landing = gait.time_to_touchdown(motion.tick)
+    foot, waiting = motion.swing, motion.support
+    for foothold in motion.plan.footholds:
+        lift_off = landing - (p.step_duration - p.double_support_duration)
+        of_motion, of_height = _weights_of_flight(lift_off, landing, omega)
+        direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
+        horizontal = of_motion @ [*foot.matrix[:, :2], foothold.position]
+        xi += moments.foot * horizontal + moments.knee * p.swing_height * of_height * direction
+        foot, waiting = waiting, standing(foothold)
+        landing += p.step_duration
+    return xi
+
+
+# What follows depends on the phase of the gait alone, and comes back with every step.
 
 
 @lru_cache(maxsize=16)
@@ -79,26 +106,19 @@ def _weights(omega: float) -> Vector:
     return read_only(-omega * STEP * np.exp(-omega * AHEAD))
 
 
-def _com_accelerations(motion: Motion) -> Matrix:
-    """At TIMES [m/s^2], shape (., 2)."""
-    ends = motion.plan.times
-    starts = np.concatenate([[0.0], ends[:-1]])
-    acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), ends - starts)  # for so long each jerk has
-    return motion.com.acceleration + acted @ motion.plan.jerks
+@lru_cache(maxsize=4096)
+def _weights_of_jerks(first_interval: float, interval: float, count: int, omega: float) -> Vector:
+    """Of the jerks of a plan in the xi of the CoM's acceleration, shape (N,)."""
+    starts = np.concatenate([[0.0], first_interval + interval * np.arange(count - 1)])
+    durations = np.concatenate([[first_interval], np.full(count - 1, interval)])
+    acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), durations)  # for so long each jerk has
+    return read_only(_weights(omega) @ acted)
 
 
-def _of_swings(motion: Motion, moments: SwingMoments) -> Matrix:
-    """Error of the CoP that the coming swings make at TIMES [m], shape (., 2)."""
-    p, gait, tick = motion.gait.parameters, motion.gait, motion.tick
-    error = np.zeros((len(TIMES), 2))
-    landing = gait.time_to_touchdown(tick)
-    foot, waiting = motion.swing, motion.support
-    for foothold in motion.plan.footholds:
-        begin = landing - (p.step_duration - p.double_support_duration)
-        flies = (TIMES > begin) & (TIMES < landing)
-        xy, z = swing_accelerations(foot, foothold, max(begin, 0.0), landing, begin, p.swing_height, TIMES[flies])
-        direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
-        error[flies] = moments.foot * xy + moments.knee * np.outer(z, direction)
-        foot, waiting = waiting, standing(foothold)
-        landing += p.step_duration
-    return error
+@lru_cache(maxsize=4096)
+def _weights_of_flight(lift_off: float, landing: float, omega: float) -> tuple[Vector, float]:
+    """Of pose, velocity, acceleration and target of a foot in the xi of its acceleration, shape (4,); of its apex."""
+    flies = (TIMES > lift_off) & (TIMES < landing)
+    horizontal, vertical = swing_accelerations(max(lift_off, 0.0), landing, lift_off, TIMES[flies])
+    weights = _weights(omega)[flies]
+    return read_only(weights @ horizontal), float(weights @ vertical)

@@ -11,7 +11,7 @@ still belongs to the step that ends, whose constraint is the stricter one (secti
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Footstep:
         object.__setattr__(self, "position", read_only(self.position, shape=(2,)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: what is derived is computed once, and a horizon comes back every step
 class Horizon:
     """The supports of the samples to come, as seen from one tick."""
 
@@ -80,37 +80,37 @@ class Horizon:
         for array in (self.foot, self.is_on_both, self.samples_left):
             array.flags.writeable = False
 
-    @property
+    @cached_property
     def nb_footholds(self) -> int:
         """m, footholds to come that the QP may choose: all on which a sample stands, but for the last one of a stop."""
         return int(self.foot[-1])
 
-    @property
+    @cached_property
     def is_any_on_both(self) -> bool:
         """Whether the feet stand side by side at some sample."""
         return bool(self.is_on_both[0] or self.is_on_both[-1])
 
-    @property
+    @cached_property
     def nb_carriers(self) -> int:
         """The support foot, the m footholds, and the feet side by side where they carry a sample."""
         return 1 + self.nb_footholds + self.is_any_on_both
 
-    @property
+    @cached_property
     def carrier(self) -> NDArray[np.int64]:
         """Number of what carries each sample, shape (N,): a foot as in `foot`, or m + 1 for both."""
         return np.where(self.is_on_both, self.nb_footholds + 1, self.foot)
 
-    @property
+    @cached_property
     def nb_samples_on_support(self) -> int:
         """Samples that the present support foot carries alone."""
         return int(np.count_nonzero((self.foot == 0) & ~self.is_on_both))
 
-    @property
+    @cached_property
     def support_selection(self) -> Matrix:
         """Uc of (22), shape (N, 1)."""
         return (self.foot == 0).astype(float)[:, None]
 
-    @property
+    @cached_property
     def foothold_selection(self) -> Matrix:
         """U of (22), shape (N, m)."""
         return (self.foot[:, None] == np.arange(1, self.nb_footholds + 1)).astype(float)
@@ -197,7 +197,7 @@ class Gait:
             walk = self if self.start is not None else Gait(p, first_support, present + p.samples_before_first_step)
             step_at_once = tuple(Gait(p, side, present + 1) for side in Side)
             return (walk if wants_to_walk else stand, *step_at_once)
-        walk_on = replace(self, nb_steps=None)
+        walk_on = self if self.nb_steps is None else replace(self, nb_steps=None)
         if wants_to_walk:
             return (walk_on,)
         stop = self if self.nb_steps is not None else replace(self, nb_steps=self.step(tick) + 2)

@@ -19,7 +19,7 @@ from walkcore.robot import Robot
 from walkcore.schemes import Footholds
 from walkcore.stages import UNTIMED, Stages
 from walkcore.supports import SupportGeometry, Supports
-from walkcore.values import Matrix, Vector, read_only
+from walkcore.values import Matrix, Vector, frozen, read_only
 from walkcore.walking_qp import WalkingQP
 
 MAX_PHASES = 1024  # kept; a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
@@ -127,16 +127,16 @@ class PatternGenerator:
         self._stages.lap("solve")
 
         lipm, layout, supports = task.phase.preview.lipm, task.phase.preview.layout, task.supports
-        jerks = layout.jerks(u)
-        decided = layout.footholds(u) if layout.nb_footholds else supports.planned_footholds
+        jerks = np.ascontiguousarray(layout.jerks(u))
+        decided = frozen(layout.footholds(u)) if layout.nb_footholds else supports.planned_footholds
         if supports.stopping_offset is not None:
             last = np.vstack([support.position, decided])[-1]
             decided = np.vstack([decided, last + supports.stopping_offset])
         return Plan(
             times=lipm.times,
-            jerks=read_only(jerks),
-            com=read_only(lipm.Pps @ com.matrix + lipm.Ppu @ jerks),
-            cop=read_only(lipm.Pzs @ com.matrix + lipm.Pzu @ jerks),
+            jerks=frozen(jerks),
+            com=frozen(lipm.Pps @ com.matrix + lipm.Ppu @ jerks),
+            cop=frozen(lipm.Pzs @ com.matrix + lipm.Pzu @ jerks),
             footholds=tuple(map(Footstep, supports.sides, decided, supports.yaws)),
             status=status,
             is_capturable=is_capturable,
@@ -154,7 +154,7 @@ class PatternGenerator:
     ) -> _Task:
         phase = self._phase(horizon)
         supports = self._geometry.supports(support, swing, horizon, reference)
-        velocities = _velocities(reference, heading, phase.preview.lipm.times)
+        velocities = _velocities(reference, heading, phase.preview.lipm)
         to_middle, planned = supports.to_middle, supports.planned_footholds
         known = Known(com, support.position, swing.position, to_middle, planned, velocities)
         return _Task(phase, supports, known.matrix)
@@ -192,8 +192,9 @@ def _leads_on(task: _Task, axes: Matrix) -> bool:
     return supports.spare_at_end.excess(phase.last_dcm.at(axes, known)[0]) < CAPTURE_TOLERANCE
 
 
-def _velocities(reference: Reference, heading: float, times: Vector) -> Matrix:
+@lru_cache(maxsize=256)
+def _velocities(reference: Reference, heading: float, lipm: PreviewMatrices) -> Matrix:
     """The velocity to track at each sample: it turns with the heading [m/s], world frame, shape (N, 2)."""
-    yaw = heading + reference.yaw_rate * times
+    yaw = heading + reference.yaw_rate * lipm.times
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy])
+    return read_only(np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy]))

@@ -10,6 +10,7 @@ step has ticks, each computed once.
 """
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -153,9 +154,11 @@ class Preview:
         rows, (N, m) = len(next(iter(blocks.values()))), (self.lipm.nb_samples, self.horizon.nb_footholds)
         decided = {"jerks": N, "footholds": self.layout.nb_footholds}
         known = {"state": 3, "support": 1, "swing": 1, "to_middle": 1, "planned_footholds": m, "reference": N}
-        D, K = (
-            np.hstack([blocks.get(name, np.zeros((rows, width))) for name, width in widths.items()])
-            for widths in (decided, known)
-        )
+        D, K = np.zeros((rows, sum(decided.values()))), np.zeros((rows, sum(known.values())))
+        for matrix, widths in ((D, decided), (K, known)):
+            ends = accumulate(widths.values())
+            for (name, width), end in zip(widths.items(), ends, strict=True):
+                if name in blocks:
+                    matrix[:, end - width : end] = blocks[name]
         D[:, N:] *= FOOTHOLD_UNIT
         return LinearPoints(D, K)

@@ -4,8 +4,10 @@ The one place of the core that remembers, and the one that decides what a failed
 solve means. The state is the model's own: what the QP plans is what happens.
 """
 
+import math
 from copy import copy
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from walkcore.snapshot import Snapshot
 from walkcore.stages import UNTIMED, Stages
 from walkcore.state import PushUnderWay, SimulationState
 from walkcore.swing_foot import FootState, standing, swing, swing_height
-from walkcore.values import Vector, read_only, rotation
+from walkcore.values import Vector, frozen, read_only, rotation
 from walkcore.whole_body import BodyTarget, WholeBody
 
 NO_IMPULSE = read_only(np.zeros(2))
@@ -130,7 +132,8 @@ class Simulation:
         self._stages.start()
         command = Command() if command is None else command
         impulse = self._impulse(command.push)
-        self._com = self._com.pushed(impulse / self.robot.mass)
+        if impulse.any():
+            self._com = self._com.pushed(impulse / self.robot.mass)
         plan = self._decide(command.reference)
         snapshot = self._snapshot(command.reference, impulse, plan)
         self._stages.lap("snapshot")
@@ -156,6 +159,8 @@ class Simulation:
             ticks = max(1, round(push.duration / self.parameters.control_period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
             self._pushes += (PushUnderWay(impulse / ticks, ticks),)
+        if not self._pushes:
+            return NO_IMPULSE
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
         return NO_IMPULSE if self._why_fallen else total
@@ -174,7 +179,7 @@ class Simulation:
         """The plan of this tick, or none if the robot has fallen."""
         if self._why_fallen:
             return None
-        distance = float(np.linalg.norm(self._com.position - self._support.position))
+        distance = math.hypot(*(self._com.position - self._support.position))
         if distance > self.robot.max_com_distance:
             limit = self.robot.max_com_distance
             self._fall_down(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
@@ -244,8 +249,8 @@ class Simulation:
             t=self._tick * self.parameters.control_period,
             com=self._com,
             com_height=self.com_height,
-            jerk=NO_IMPULSE if plan is None else read_only(plan.jerks[0]),
-            cop=read_only(self._com.cop(self.com_height, self.parameters.gravity)),
+            jerk=NO_IMPULSE if plan is None else plan.jerks[0],
+            cop=frozen(self._com.cop(self.com_height, self.parameters.gravity)),
             true_cop=None,
             torques=None,
             reference=reference,
@@ -324,5 +329,6 @@ def _first_support(reference: Reference) -> Side:
     return Side.RIGHT if goes_left else Side.LEFT
 
 
+@lru_cache(maxsize=8)  # a tick asks several times for the feet that it has
 def _footstep(side: Side, foot: FootState) -> Footstep:
     return Footstep(side, foot.position, foot.yaw)

@@ -1,8 +1,9 @@
 """What carries each sample of the horizon, and where the feet may go: the geometry of the walking QP."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,9 @@ from walkcore.robot import Robot
 from walkcore.schemes import Footholds
 from walkcore.values import Matrix, Vector, read_only, rotation
 
+Feet = tuple[tuple[Side, float], ...]
+"""Side and yaw [rad] of the support foot and of each foothold."""
+MAX_KEPT = 1024  # while the yaws stay, each phase of the gait comes back with every second step
 UNIT_BOX = box([1.0, 1.0])
 NOWHERE = read_only(np.zeros(2))
 SPARE = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
@@ -71,6 +75,7 @@ class SupportGeometry:
         """
         p = parameters
         self._robot, self._parameters = robot, p
+        self._on_feet = lru_cache(maxsize=MAX_KEPT)(self._compute_on_feet)
         at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
         self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
@@ -106,48 +111,56 @@ class SupportGeometry:
         m = horizon.nb_footholds
         yaws = foothold_yaws(support, swing, self._turn(horizon, reference.yaw_rate), m)
         sides = [support.side.other if k % 2 else support.side for k in range(m + 1)]
-        feet = list(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
+        feet = tuple(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
+        supports = self._on_feet(feet, horizon)
+        if self._parameters.terms.footholds is not Footholds.FREE:
+            supports = replace(supports, planned_footholds=self._planned(support.position, feet, reference))
+        return self._with_stance(supports, support, swing, horizon) if horizon.is_any_on_both else supports
 
-        chooser = self._parameters.terms.footholds
-        planned = np.zeros((m, 2)) if chooser is Footholds.FREE else self._planned(support.position, feet, reference)
-        cop_polygons = [self._soles[side].rotated(yaw) for side, yaw in feet]
-        to_middle = NOWHERE
-        soon: HalfPlanes | None = self._capture(self._captures[1], horizon, 0, feet)
-        spare, capturable = (self._capture(self._captures[k], horizon, -1, feet) for k in (0, 2))
-
-        last_side, last_yaw = feet[m]
+    def _compute_on_feet(self, feet: Feet, horizon: Horizon) -> Supports:
+        """What the yaws and the horizon alone decide."""
+        (_, support_yaw), (last_side, last_yaw) = feet[0], feet[-1]
         aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
-        if horizon.is_any_on_both:
-            # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
-            if horizon.is_stopping:
-                one, other = Footstep(last_side, np.zeros(2), last_yaw), Footstep(last_side.other, aside, last_yaw)
-            else:
-                one = Footstep(support.side, np.zeros(2), support.yaw)
-                other = Footstep(swing.side, swing.position - support.position, swing.yaw)
-            to_middle = other.position / 2
-            pair = self._stance(one, other)
-            inner = pair.inset(self._parameters.cop_margin)
-            cop_polygons.append(inner)
-            if horizon.is_on_both[-1]:
-                spare, capturable = inner, pair
-            if horizon.is_on_both.all():
-                soon = inner
-            elif horizon.is_on_both[0] or horizon.is_stopping:
-                soon = None
-
-        is_stopping = horizon.is_stopping
+        stop = ((last_side.other, last_yaw),) if horizon.is_stopping else ()
+        is_planned = self._parameters.terms.footholds is Footholds.PLANNED
         return Supports(
-            cop_polygons=tuple(cop_polygons),
-            to_middle=to_middle,
-            planned_footholds=planned,
-            foothold_regions=() if chooser is Footholds.PLANNED else tuple(self._regions_of(feet)),
-            swing_reach=self._reach(horizon.time_to_touchdown, support.yaw),
+            cop_polygons=tuple(self._soles[side].rotated(yaw) for side, yaw in feet),
+            to_middle=NOWHERE,
+            planned_footholds=np.zeros((len(feet) - 1, 2)),
+            foothold_regions=() if is_planned else tuple(self._regions_of(feet)),
+            swing_reach=self._reach(horizon.time_to_touchdown, support_yaw),
+            capturable_soon=self._capture(self._captures[1], horizon, 0, feet),
+            spare_at_end=self._capture(self._captures[0], horizon, -1, feet),
+            capturable_at_end=self._capture(self._captures[2], horizon, -1, feet),
+            sides=tuple(side for side, _ in (*feet[1:], *stop)),
+            yaws=tuple(yaw for _, yaw in (*feet[1:], *stop)),
+            stopping_offset=aside if horizon.is_stopping else None,
+        )
+
+    def _with_stance(self, supports: Supports, support: Footstep, swing: Footstep, horizon: Horizon) -> Supports:
+        """The same where some samples are carried by both feet side by side."""
+        # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
+        if supports.stopping_offset is not None:
+            side, yaw = supports.sides[-1], supports.yaws[-1]
+            one, other = Footstep(side.other, np.zeros(2), yaw), Footstep(side, supports.stopping_offset, yaw)
+        else:
+            one = Footstep(support.side, np.zeros(2), support.yaw)
+            other = Footstep(swing.side, swing.position - support.position, swing.yaw)
+        pair = self._stance(one, other)
+        inner = pair.inset(self._parameters.cop_margin)
+        soon = supports.capturable_soon
+        if horizon.is_on_both.all():
+            soon = inner
+        elif horizon.is_on_both[0] or horizon.is_stopping:
+            soon = None
+        ends_on_both = bool(horizon.is_on_both[-1])
+        return replace(
+            supports,
+            cop_polygons=(*supports.cop_polygons, inner),
+            to_middle=other.position / 2,
             capturable_soon=soon,
-            spare_at_end=spare,
-            capturable_at_end=capturable,
-            sides=(*sides[1:], *((last_side.other,) if is_stopping else ())),
-            yaws=(*yaws, *((last_yaw,) if is_stopping else ())),
-            stopping_offset=aside if is_stopping else None,
+            spare_at_end=inner if ends_on_both else supports.spare_at_end,
+            capturable_at_end=pair if ends_on_both else supports.capturable_at_end,
         )
 
     def _reach(self, time: float, yaw: float) -> HalfPlanes:
@@ -156,20 +169,18 @@ class SupportGeometry:
         return HalfPlanes(UNIT_BOX.rotated(yaw).normals, -reach, reach)
 
     @staticmethod
-    def _capture(
-        polygons: Mapping[Side, tuple[HalfPlanes, ...]], horizon: Horizon, n: int, feet: Sequence[tuple[Side, float]]
-    ) -> HalfPlanes:
+    def _capture(polygons: Mapping[Side, tuple[HalfPlanes, ...]], horizon: Horizon, n: int, feet: Feet) -> HalfPlanes:
         """Where the divergent component may be at sample n, relative to the foot that carries it."""
         side, yaw = feet[int(horizon.foot[n])]
         return polygons[side][min(int(horizon.samples_left[n]), len(polygons[side]) - 1)].rotated(yaw)
 
-    def _regions_of(self, feet: Sequence[tuple[Side, float]]) -> Iterator[HalfPlanes]:
+    def _regions_of(self, feet: Feet) -> Iterator[HalfPlanes]:
         """Where each foothold may be relative to its predecessor, by the yaw between the two."""
         for (_, before), (side, yaw) in pairwise(feet):
             band = closest_band(self._bands, (yaw - before) * side.sign)
             yield self._regions[side][band].rotated(before)
 
-    def _planned(self, start: Vector, feet: Sequence[tuple[Side, float]], reference: Reference) -> Matrix:
+    def _planned(self, start: Vector, feet: Feet, reference: Reference) -> Matrix:
         """Footholds that follow the reference velocity step by step, as far as their regions allow, shape (m, 2)."""
         drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
         positions = [start]

@@ -105,30 +105,25 @@ def swing(
     return FootState(pose, velocity, acceleration, foot.height)
 
 
-def swing_accelerations(
-    foot: FootState, foothold: Footstep, start: float, landing: float, lift_off: float, apex: float, times: Vector
-) -> tuple[Matrix, Vector]:
-    """Of a flight as it is planned now.
+def swing_accelerations(start: float, landing: float, lift_off: float, times: Vector) -> tuple[Matrix, Vector]:
+    """What makes the accelerations of a flight of its beginning, its target and its apex.
 
     Args:
-        foot: in flight or before it.
-        foothold: where it will land.
         start: of the quintic: the present, or the lift-off to come [s].
-        landing: when it will land [s].
+        landing: when the foot will land [s].
         lift_off: when it leaves or left the ground, from which its height is counted [s].
-        apex: highest point [m].
         times: at which accelerations are wanted, from start to landing [s], shape (k,).
 
     Returns:
-        Horizontal, shape (k, 2), and vertical, shape (k,) [m/s^2].
+        For pose, velocity, acceleration and target: the horizontal acceleration, shape (k, 4);
+        for the apex: the vertical one, shape (k,) [1/s^2].
     """
-    left, flight = landing - start, landing - lift_off
-    c = QUINTIC @ np.vstack([np.array([[1.0], [left], [left**2]]) * foot.matrix, _pose(foothold)])
-    s = ((times - start) / left)[:, None]
-    second = 2 * c[2] + 6 * c[3] * s + 12 * c[4] * s**2 + 20 * c[5] * s**3
+    T, flight = landing - start, landing - lift_off
+    s = (times - start) / T
+    second = np.column_stack([0 * s, 0 * s, 0 * s + 2, 6 * s, 12 * s**2, 20 * s**3]) @ QUINTIC
     s = (times - lift_off) / flight
-    bump = 64.0 * apex * (6 * s - 36 * s**2 + 60 * s**3 - 30 * s**4)  # second derivative of `swing_height`
-    return second[:, :2] / left**2, bump / flight**2
+    bump = 64.0 * (6 * s - 36 * s**2 + 60 * s**3 - 30 * s**4)  # second derivative of `swing_height`
+    return second * [1.0, T, T**2, 1.0] / T**2, bump / flight**2
 
 
 def _pose(foot: Footstep) -> Vector:

@@ -28,6 +28,12 @@ def read_only(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
     return copy
 
 
+def frozen(array: Vector) -> Vector:
+    """`array` itself, which nobody else has yet, so that nobody will write to it."""
+    array.flags.writeable = False
+    return array
+
+
 def check_range(field: str, value: object, low: float = -math.inf, high: float = math.inf) -> float:
     """`value` as a float, if it is finite and within [low, high].
 

@@ -12,6 +12,8 @@ of the gait alone, p = J k, and a tick has only to turn the polygons' normals an
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from walkcore.regions import HalfPlanes
 from walkcore.supports import Supports
 from walkcore.values import Matrix, Vector
 
+MAX_KEPT = 4  # of the polygons of a phase: while the yaws stay, they come back with every second step
 MARGIN_PENALTY = 1e4  # per metre and second; above any multiplier of the margin, so that the penalty is exact
 OVERSHOOT = 5e-3  # [m] of the margin that is never given up: between samples the CoP bulges by up to T^2/8 ddc
 GOAL_PENALTY = 1e5  # per metre; worth more than any margin given up for it, which grows tenfold over a step
@@ -39,10 +42,12 @@ class WalkingQP:
             parameters: weights, and the scheme that says which of them count.
         """
         self.preview = preview
-        self._Q, self._J = _objective(preview, parameters)
-        self._points = preview.cops().followed_by(preview.strides(), preview.flight())
+        cops = preview.cops()
+        self._Q, self._J = _objective(preview, cops, parameters)
+        self._points = cops.followed_by(preview.strides(), preview.flight())
         self._polygon_of_point = _polygon_of_point(preview) if parameters.terms.is_constrained else []
-        self._constraints: dict[tuple[int, ...], _PointConstraints] = {}
+        self._edges = lru_cache(maxsize=MAX_KEPT)(self._compute_edges)
+        self._rows = lru_cache(maxsize=MAX_KEPT)(self._compute_rows)
 
     def at(self, known: Matrix, supports: Supports) -> QP:
         """The QP of one tick.
@@ -51,8 +56,7 @@ class WalkingQP:
             known: k of `preview.py`, shape (6 + m + N, 2).
             supports: the polygons at this tick.
         """
-        constraints = self._constraints_for(supports)
-        return QP(self._Q, (self._J @ known).T.ravel(), *constraints.at(known, supports.polygons))
+        return QP(self._Q, (self._J @ known).T.ravel(), *self._edges(supports).at(known))
 
     def rescue_at(self, known: Matrix, supports: Supports, margin: float, end: LinearPoints) -> QP:
         """The same QP, made to stay up: margins may be given up, and the plan ends as near to a goal as it can.
@@ -68,12 +72,12 @@ class WalkingQP:
         """
         problem, lipm = self.at(known, supports), self.preview.lipm
         goal = supports.spare_at_end
-        at_goal = _PointConstraints(end, [0], (len(goal.normals),)).at(known, (goal,))
+        at_goal = _Rows(end, [0], [len(goal.lower)]).of([goal]).at(known)
         G, lower, upper = (
-            np.concatenate(pair) for pair in zip((problem.G, problem.lower, problem.upper), at_goal, strict=True)
+            np.concatenate(both) for both in zip((problem.G, problem.lower, problem.upper), at_goal, strict=True)
         )
-        N, point = lipm.nb_samples, self._constraints_for(supports).point
-        slack_of_row = np.concatenate([np.where(point < N, point, -1), np.full(len(goal.normals), N)])
+        N, point = lipm.nb_samples, self._edges(supports).point
+        slack_of_row = np.concatenate([np.where(point < N, point, -1), np.full(len(at_goal[1]), N)])
         # Priced by the time that a sample stands for: else a late slack could be cheaper than an early one, and the
         # margin that is planned to be given up would be put off from tick to tick.
         times = np.concatenate([[0.0], lipm.times, lipm.times[-1:]])
@@ -81,12 +85,12 @@ class WalkingQP:
         most = np.append(np.full(N, max(margin - OVERSHOOT, 0.0)), np.inf)
         return _softened(QP(problem.P, problem.q, G, lower, upper), slack_of_row, price, most)
 
-    def _constraints_for(self, supports: Supports) -> "_PointConstraints":
-        """The rows for polygons with as many edges: the region of a foothold has its own for each band of yaw."""
-        nb_edges = tuple([len(polygon.lower) for polygon in supports.polygons])
-        if nb_edges not in self._constraints:
-            self._constraints[nb_edges] = _PointConstraints(self._points, self._polygon_of_point, nb_edges)
-        return self._constraints[nb_edges]
+    def _compute_edges(self, supports: Supports) -> "_Edges":
+        polygons = supports.polygons
+        return self._rows(tuple([len(polygon.lower) for polygon in polygons])).of(polygons)
+
+    def _compute_rows(self, nb_edges: tuple[int, ...]) -> "_Rows":
+        return _Rows(self._points, self._polygon_of_point, nb_edges)
 
 
 def _polygon_of_point(preview: Preview) -> list[int]:
@@ -96,13 +100,18 @@ def _polygon_of_point(preview: Preview) -> list[int]:
     return [*map(int, preview.horizon.carrier), *strides, *[beyond + m][:m]]
 
 
-def _objective(preview: Preview, parameters: Parameters) -> tuple[Matrix, Matrix]:
+def _objective(preview: Preview, cops: LinearPoints, parameters: Parameters) -> tuple[Matrix, Matrix]:
     """Q, and J of p = J k, of the sum of weight/2 || D u + K k ||^2; with the terms of (19) they are (23)-(25)."""
-    terms = [(getattr(parameters, w), _term(name, preview, parameters)) for name, w in parameters.terms.weights.items()]
-    Q_axis = np.sum([weight * term.D.T @ term.D for weight, term in terms], axis=0)
-    J = np.sum([weight * term.D.T @ term.K for weight, term in terms], axis=0)
-    zero = np.zeros_like(Q_axis)
-    return np.asfortranarray(np.block([[Q_axis, zero], [zero, Q_axis]])), J
+    n, known = preview.layout.axis, cops.K.shape[1]
+    Q_axis, J = np.zeros((n, n)), np.zeros((n, known))
+    for name, weight in parameters.terms.weights.items():
+        term = cops if name == "cop" else _term(name, preview, parameters)
+        weighted = getattr(parameters, weight) * term.D.T
+        Q_axis += weighted @ term.D
+        J[:] += weighted @ term.K
+    Q = np.zeros((2 * n, 2 * n), order="F")
+    Q[:n, :n] = Q[n:, n:] = Q_axis
+    return Q, J
 
 
 def _term(term: str, preview: Preview, parameters: Parameters) -> LinearPoints:
@@ -114,16 +123,37 @@ def _term(term: str, preview: Preview, parameters: Parameters) -> LinearPoints:
             return preview.velocity_errors()
         case "mean_velocity":
             return preview.mean_velocity_errors(over=2 * parameters.samples_per_step)
-        case "cop":
-            return preview.cops()
         case "foothold":
             return preview.foothold_errors()
         case _:
             raise AssertionError(f"no term {term!r}")
 
 
-class _PointConstraints:
-    """Rows that keep points in polygons of which the edges turn from tick to tick, but whose number stays."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Edges:
+    """The rows of constrained points: each keeps a point between an edge and the one opposite to it."""
+
+    point: NDArray[np.int64]
+    """Number of the point of each row, shape (r,)."""
+    normals: Matrix
+    """Of the edges, shape (r, 2)."""
+    lower: Vector
+    """Of the point along the normal [m], shape (r,)."""
+    upper: Vector
+    """[m], shape (r,)."""
+    K: Matrix
+    """Of the points: what is known in them, shape (r, 6 + m + N)."""
+    G: Matrix
+    """Shape (r, 2 (N + m))."""
+
+    def at(self, known: Matrix) -> tuple[Matrix, Vector, Vector]:
+        """G, lower and upper of the QP of one tick."""
+        offset = np.vecdot(self.normals, self.K @ known)
+        return self.G, self.lower - offset, self.upper - offset
+
+
+class _Rows:
+    """Which point and which edge each row is of: that stays while the edges turn."""
 
     def __init__(self, points: LinearPoints, polygon_of_point: Sequence[int], nb_edges: Sequence[int]) -> None:
         """Choose the rows.
@@ -133,24 +163,20 @@ class _PointConstraints:
             polygon_of_point: number of the polygon of each point; of points beyond, nothing is asked.
             nb_edges: of each polygon.
         """
-        starts = [sum(nb_edges[:polygon]) for polygon in polygon_of_point]
-        counts = [nb_edges[polygon] for polygon in polygon_of_point]
-        edges = [start + np.arange(count) for start, count in zip(starts, counts, strict=True)]
-        self._edge = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
-        self.point = np.repeat(np.arange(len(counts)), np.array(counts, dtype=np.int64))
-        self._D, self._K = np.asfortranarray(points.D[self.point]), points.K[self.point]
+        polygon_of_edge = np.repeat(np.arange(len(nb_edges)), nb_edges)
+        self._point, self._edge = np.nonzero(np.array(polygon_of_point, dtype=np.int64)[:, None] == polygon_of_edge)
+        self._D, self._K = np.asfortranarray(points.D[self._point]), points.K[self._point]
 
-    def at(self, known: Matrix, polygons: Sequence[HalfPlanes]) -> tuple[Matrix, Vector, Vector]:
-        """G, lower and upper at one tick; G in Fortran order, as a solver likes it."""
+    def of(self, polygons: Sequence[HalfPlanes]) -> "_Edges":
+        """The rows for polygons with so many edges."""
         normals = np.concatenate([polygon.normals for polygon in polygons])[self._edge]
-        rows, axis = self._D.shape
-        G = np.empty((rows, 2 * axis), order="F")
-        np.multiply(normals[:, :1], self._D, out=G[:, :axis])
-        np.multiply(normals[:, 1:], self._D, out=G[:, axis:])
-        offset = np.vecdot(normals, self._K @ known)
         lower = np.concatenate([polygon.lower for polygon in polygons])[self._edge]
         upper = np.concatenate([polygon.upper for polygon in polygons])[self._edge]
-        return G, lower - offset, upper - offset
+        rows, axis = self._D.shape
+        G = np.empty((rows, 2 * axis), order="F")  # as a solver likes it
+        np.multiply(normals[:, :1], self._D, out=G[:, :axis])
+        np.multiply(normals[:, 1:], self._D, out=G[:, axis:])
+        return _Edges(self._point, normals, lower, upper, self._K, G)
 
 
 def _softened(problem: QP, slack_of_row: NDArray[np.int64], price: Vector, most: Vector) -> QP:

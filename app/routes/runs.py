@@ -111,7 +111,7 @@ def recording(
     ending: Ending,  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
     runs: AllRuns,
 ) -> FileResponse:
-    """The recording, the same bytes as from `walk run`; other formats than npz and csv are made when first asked for."""
+    """The recording, the same bytes as from `walk run`; but for npz and csv it is made when first asked for."""
     return _download(run, f"recording.{ending}", runs)
 
 

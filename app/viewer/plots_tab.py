@@ -9,11 +9,12 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from app.outlines import support_polygon
 from app.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRUE_COP, Colour
 from app.runner import LiveState
 from app.viewer.stream import Stream
 from walkcore import Robot, Snapshot
+from walkcore.gait import Footstep, Phase
+from walkcore.regions import sole_vertices
 from walkcore.values import rotation
 
 FRAMES_PER_POINT = 2
@@ -110,7 +111,10 @@ def _row(robot: Robot, snapshot: Snapshot) -> list[float]:
     to_foot = rotation(foot.yaw).T
     cop = to_foot @ (snapshot.cop - foot.position)
     true_cop = cop if snapshot.true_cop is None else to_foot @ (snapshot.true_cop - foot.position)
-    corners = (support_polygon(robot, snapshot) - foot.position) @ to_foot.T
+    feet = [foot]
+    if snapshot.phase is not Phase.SINGLE_SUPPORT:
+        feet = [Footstep(side, state.position, state.yaw) for side, state in snapshot.feet.items()]
+    corners = np.vstack([sole_vertices(robot.sole, each) - foot.position for each in feet]) @ to_foot.T
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     along = [value for i in range(2) for value in (cop[i], true_cop[i], low[i], high[i])]
     return [forward, asked.vx, left, asked.vy, *along]
