@@ -25,7 +25,7 @@ CORE = """
     recording session replay
 """.split()
 SERVER = """
-    live
+    cores live
     metrics palette outlines scenario_schema schemas body_limit origin token settings
     viewer proxy
     formats
