@@ -218,7 +218,7 @@ def test_time_stops_and_passes_tick_by_tick(visit, api):
     one_tick = page.get_by_role("button", name="1 tick")
     expect(one_tick).to_be_hidden()
     page.keyboard.press("p")
-    one_tick.click()
+    expect(one_tick).to_be_visible()
     tick = live(api)["tick"]
     one_tick.click()
     wait_for(lambda: live(api)["tick"] == tick + 1)
