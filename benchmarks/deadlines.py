@@ -24,10 +24,9 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import msgspec
 import tyro
-import viser
 from prometheus_client.parser import text_string_to_metric_families
+from viser_client import scene
 from websockets.asyncio.client import connect
 
 WALK = Path(sys.executable).parent / "walk"
@@ -36,18 +35,6 @@ PATIENCE = 60.0  # [s] for an answer: what is measured is the ticks, not the req
 STREAM_RATE, POLL_RATE = 10.0, 20.0  # [Hz]
 REFERENCE, RESTEER = {"vx": 0.2, "yaw_rate": 0.1}, 5.0  # [s]
 LIMITS = {"5": 1e-4, "50": 0.0}  # share of the ticks that may start later than so many ms
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (-2.4, 1.7, 1.5),
-    "fov": 0.7,
-    "near": 0.1,
-    "far": 100.0,
-    "image_height": 800,
-    "image_width": 1280,
-    "look_at": (0.0, 0.0, 0.8),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
 @dataclass(frozen=True)
@@ -127,14 +114,12 @@ def browse(url: str) -> None:
 
 
 async def _browse(address: str) -> None:
-    protocols: Any = [f"viser-v{viser.__version__}"]
     stream = f"{address}api/v1/live/stream?rate={STREAM_RATE:g}"
     async with (
-        connect(f"{address}viewer", subprotocols=protocols, compression=None, max_size=None) as scene,
+        scene(f"{address}viewer") as drawn,
         connect(stream, compression=None) as live,
     ):
-        await scene.send(msgspec.msgpack.encode(CAMERA))
-        await asyncio.gather(_drain(scene), _drain(live))
+        await asyncio.gather(_drain(drawn), _drain(live))
 
 
 async def _drain(socket: Any) -> None:

@@ -18,9 +18,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import viser
 import zstandard
-from websockets.asyncio.client import connect
+from viser_client import scene
 
 from app.live.pace import Pace
 from app.live.runner import LiveState
@@ -32,18 +31,6 @@ from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
 WALK_SECONDS = 8.0
 HEADER = 16  # bytes before the compressed part of a message of viser
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (-2.4, 1.7, 1.5),
-    "fov": 0.7,
-    "near": 0.1,
-    "far": 100.0,
-    "image_height": 800,
-    "image_width": 1280,
-    "look_at": (0.0, 0.0, 0.8),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
 class Replay:
@@ -74,11 +61,9 @@ def read_as_browser(port: int, seconds: float, results: "multiprocessing.Queue[d
 
 async def _read(port: int, seconds: float) -> dict[str, float]:
     started = time.perf_counter()
-    protocols: Any = [f"viser-v{viser.__version__}"]
     joined = joined_bytes = nb_bytes = nb_frames = 0.0
     last, longest = None, 0.0
-    async with connect(f"ws://127.0.0.1:{port}", subprotocols=protocols, compression=None, max_size=None) as socket:
-        await socket.send(msgspec.msgpack.encode(CAMERA))
+    async with scene(f"ws://127.0.0.1:{port}") as socket:
         while (now := time.perf_counter() - started) < seconds:
             try:
                 message = await asyncio.wait_for(socket.recv(decode=False), 0.5)

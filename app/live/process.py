@@ -31,9 +31,6 @@ PUBLISH_PERIOD = 0.008  # [s] at least between two states of a robot that runs: 
 BEAT_PERIOD = 0.5  # [s] after which a state is published again, to show that somebody is there
 CLEANING_PERIOD = 5.0  # [s]
 
-Wish = tuple[int, Callable[..., Any], tuple[Any, ...]]
-"""Number, method of `Control`, and its arguments."""
-
 
 class ControlProcess:
     """Waits, ticks, and passes on between the server and the control."""
