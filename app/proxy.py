@@ -24,6 +24,7 @@ from app.viewer import LIGHT_PATH
 
 CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 RECEIVE_BUFFER = 16 * 1024  # bytes; what waits here for a slow browser cannot be overtaken by newer poses
+GOODBYE = 0.2  # [s] viser's answer to a close is waited for; behind poses that nobody takes it never comes
 TRY_AGAIN_LATER = 1013
 
 
@@ -94,6 +95,7 @@ async def _connect(port: int, path: str, subprotocols: list[str]) -> ClientConne
         sock=end,
         subprotocols=subprotocols,  # pyright: ignore[reportArgumentType]  # Subprotocol is a str
         compression=None,
+        close_timeout=GOODBYE,
         max_size=None,
         max_queue=2,
     )
