@@ -121,10 +121,8 @@ class PatternGenerator:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
         task = self._describe(com, support, swing, horizon, reference, heading)
-        problem = task.phase.qp.at(task.known, task.supports)
-        self._stages.lap("assemble")
-        u, status, is_capturable = self._solve(problem, task)
-        self._stages.lap("solve")
+        u, status, is_capturable = self._solve(task)
+        self._stages.lap("check")
 
         lipm, layout, supports = task.phase.preview.lipm, task.phase.preview.layout, task.supports
         jerks = np.ascontiguousarray(layout.jerks(u))
@@ -159,7 +157,7 @@ class PatternGenerator:
         known = Known(com, support.position, swing.position, to_middle, planned, velocities)
         return _Task(phase, supports, known.matrix)
 
-    def _solve(self, problem: QP, task: _Task) -> tuple[Vector, Status, bool]:
+    def _solve(self, task: _Task) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
         A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
@@ -169,10 +167,11 @@ class PatternGenerator:
         """
         phase, supports, known, axes = task.phase, task.supports, task.known, task.phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
-            u = solve_qp(problem, self._parameters.solver).u
+            u = solve_qp(phase.qp.at(known, supports), self._parameters.solver, self._stages).u
             if self._parameters.terms.footholds is not Footholds.FREE or _leads_on(task, axes(u)):
                 return u, Status.SOLVED, True
-        u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u
+        rescue = phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)
+        u = solve_qp(rescue, stages=self._stages).u
         end = phase.last_dcm.at(axes(u), known)[0]
         return u, Status.RELAXED, supports.capturable_at_end.excess(end) < CAPTURE_TOLERANCE
 
