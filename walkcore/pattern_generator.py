@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from walkcore.cache import kept
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
 from walkcore.gait import Footstep, Horizon
@@ -89,7 +90,7 @@ class PatternGenerator:
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
-        self._phase = lru_cache(maxsize=MAX_PHASES)(self._compute_phase)
+        self._phase = kept(self._compute_phase, MAX_PHASES)
         self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
 
     def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
