@@ -48,7 +48,7 @@ class ControlProcess:
         control = self._created()
         if control is None:
             return
-        _take_precedence()
+        take_precedence()
         gc.freeze()
         gc.disable()  # a collection in the middle of a tick would delay it: it is one of the chores
         self._cleaned_at = time.perf_counter()
@@ -146,7 +146,7 @@ class ControlProcess:
         self._published_at = time.perf_counter()
 
 
-def _take_precedence() -> None:
+def take_precedence() -> None:
     """Go before other processes of the machine, a browser's above all, where the system grants it."""
     if hasattr(os, "sched_setscheduler"):
         with suppress(PermissionError):
