@@ -44,7 +44,7 @@ def folder(recording, tmp_path_factory) -> Path:
 
 def test_the_same_recording_gives_the_same_bytes(recording, folder, tmp_path):
     for ending in FORMATS:
-        FORMATS[ending].write(recording, tmp_path / ending)
+        FORMATS[ending].write(recording, recording.run_json(), tmp_path / ending)
         assert (tmp_path / ending).read_bytes() == (folder / FORMATS[ending].file).read_bytes(), ending
 
 
