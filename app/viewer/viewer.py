@@ -89,10 +89,10 @@ class Viewer:
                 has_failed = True
 
     def _show(self, elapsed: float) -> None:
-        state = self._runner.latest
-        self._scene.draw(state.snapshot, self._runner.parameters, elapsed)
+        state, parameters = self._runner.latest, self._runner.parameters
+        self._scene.draw(state.snapshot, parameters, elapsed)
         self._grab.ask()
-        self._scene.aim(state.snapshot, self._grab.impulse, self._grab.answer)
+        self._scene.aim(state.snapshot, parameters, self._grab.impulse, self._grab.answer)
         self._panel.follow(state, len(self._audience))
         self._audience.send(self._scene.stream)
 
