@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from multiprocessing.queues import Queue
@@ -64,6 +65,9 @@ def simulate(jobs: Sequence[Job], nb_workers: int, shows_progress: bool) -> Iter
         jobs: whose scenarios can be read.
         nb_workers: processes; with one job or one worker all happens in this process.
         shows_progress: whether there is a bar.
+
+    Raises:
+        OSError: if a process is killed, or a file cannot be written.
     """
     total = sum(load_scenario(job.source).duration for job in jobs)
     with tqdm(total=total, unit="s", desc="simulated", disable=not shows_progress, bar_format=BAR) as bar:
@@ -85,6 +89,8 @@ def _in_processes(jobs: Sequence[Job], nb_workers: int, bar: "tqdm[Any]") -> Ite
     pool = ProcessPoolExecutor(min(nb_workers, len(jobs)), context, _start_worker, (done,))
     try:
         yield from (future.result() for future in as_completed([pool.submit(_work, job) for job in jobs]))
+    except BrokenProcessPool as error:
+        raise ChildProcessError("a simulating process was killed; scenarios not told above have no run") from error
     finally:
         pool.shutdown(cancel_futures=True)
         stopping.set()

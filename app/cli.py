@@ -1,4 +1,4 @@
-"""The `walk` command."""
+"""Make a humanoid walk by linear MPC: serve it on a page, or simulate scenarios."""
 
 import os
 
@@ -6,6 +6,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import logging
+import signal
 import sys
 from dataclasses import dataclass, field
 from json import dumps
@@ -132,9 +133,13 @@ def main() -> None:
     try:
         command = tyro.cli(SubCommand, prog="walk", description=__doc__, config=(tyro.conf.OmitArgPrefixes,))
         code = command()
+        sys.stdout.flush()
     except ValidationError as error:
         problems = "; ".join(f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}" for e in error.errors())
         _give_up(problems)
+    except BrokenPipeError:  # whoever reads has read enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
+        sys.exit(128 + signal.SIGPIPE)
     except (WalkError, OSError) as error:
         _give_up(str(error))
     except KeyboardInterrupt:

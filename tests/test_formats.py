@@ -1,14 +1,18 @@
+import base64
 import io
 import json
 import math
+import re
 from collections import Counter
 from pathlib import Path
 
 import jsonschema
+import msgpack
 import numpy as np
 import polars
 import pyarrow.parquet as pq
 import pytest
+import zstandard
 from mcap.reader import make_reader
 
 from app.formats import FORMATS, write_run
@@ -44,7 +48,7 @@ def folder(recording, tmp_path_factory) -> Path:
 
 def test_the_same_recording_gives_the_same_bytes(recording, folder, tmp_path):
     for ending in FORMATS:
-        FORMATS[ending].write(recording, tmp_path / ending)
+        FORMATS[ending].write(recording, recording.run_json(), tmp_path / ending)
         assert (tmp_path / ending).read_bytes() == (folder / FORMATS[ending].file).read_bytes(), ending
 
 
@@ -142,4 +146,23 @@ def test_snapshots_of_a_recording_are_those_it_was_made_of(recording):
 def test_the_replay_is_one_page_that_holds_everything(folder):
     page = (folder / "recording.html").read_text()
     assert len(page) < 15e6
-    assert "__VISER_EMBED_DATA__" in page
+    assert "<title>short</title>" in page
+
+
+def test_the_replay_walks_where_the_recording_did(recording, folder):
+    page = (folder / "recording.html").read_text()
+    packed = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)[1])
+    plain = zstandard.ZstdDecompressor().decompress(packed[8:])
+    content = msgpack.unpackb(plain[8 : 8 + int.from_bytes(plain[:8], "little")])
+    moves = [
+        (t, message["position"])
+        for t, message in content["messages"]
+        if message["type"] == "SetPositionMessage" and message["name"] == "/w/com/mass"
+    ]
+    assert len(moves) > 30 and content["durationSeconds"] == pytest.approx(1.6, abs=0.05)
+    for t, (x, y, _) in moves[2:]:
+        k = round(t / 0.02)
+        assert [x, y] == pytest.approx([recording["com_x"][k], recording["com_y"][k]], abs=1e-5)
+    # One that is loaded anew each time the walk begins again keeps a browser without a graphics card white.
+    lights = [message for _, message in content["messages"] if message["type"] == "EnvironmentMapMessage"]
+    assert [light["hdri_data"] for light in lights] == [None]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+import httpx
 import pytest
 import schemathesis
 from conftest import Server, start_server
@@ -38,6 +39,10 @@ def test_every_answer_is_as_documented(server, mode):
         except Exception as failure:
             problems.append(f"{operation.label}: {failure!r}")
     assert not problems, "\n".join(problems)
+
+
+def test_every_refusal_has_the_one_shape(server):
+    assert "HTTPValidationError" not in httpx.get(f"{server.url}openapi.json").text
 
 
 def try_out(operation: Any, mode: GenerationMode) -> None:

@@ -1,11 +1,15 @@
 import contextlib
 import io
 import json
+import os
+import signal
+import subprocess
 import sys
 from dataclasses import dataclass
 from unittest.mock import patch
 
 import pytest
+from conftest import WALK
 
 from app.cli import main
 
@@ -89,6 +93,14 @@ def test_bad_input_is_one_line_and_exit_code_two(arguments, told, tmp_path, monk
     assert said.returncode == 2
     assert told in said.stderr and len(said.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_who_has_read_enough_ends_the_command_without_a_word():
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    said = subprocess.run([WALK, "robots"], stdout=write_end, stderr=subprocess.PIPE, text=True)
+    os.close(write_end)
+    assert (said.returncode, said.stderr) == (128 + signal.SIGPIPE, "")
 
 
 def test_a_report_is_a_page_that_needs_nothing_else(runs, tmp_path):

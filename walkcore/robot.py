@@ -1,5 +1,6 @@
 """A robot as the walking motion generation sees it: mass, height, soles, and where its feet may go."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -136,7 +137,7 @@ class Robot:
         Raises:
             InvalidValueError: naming the strength and its limit.
         """
-        check_range("push.impulse", float(np.linalg.norm(push.impulse)), 0.0, self.max_push)
+        check_range("push.impulse", math.hypot(*push.impulse), 0.0, self.max_push)
         check_range("push.duration", push.duration, 0.0, 10.0)
         return push
 

@@ -38,8 +38,8 @@ PUSH_LENGTH = 0.02  # [m per N s] of its arrow
 Message = tuple[int, str, fg.Json]  # [ns], topic, content
 
 
-def write(recording: Recording, path: Path) -> None:
-    """Write a recording."""
+def write(recording: Recording, run_json: str, path: Path) -> None:
+    """Write a recording and its run.json."""
     schemas = fg.SCHEMAS | {"walk.Row": _row_schema(recording)}
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
@@ -50,7 +50,7 @@ def write(recording: Recording, path: Path) -> None:
         channels = {topic: writer.register_channel(topic, "json", ids[name]) for topic, name in _topics(recording)}
         for sequence, (at, topic, content) in enumerate(_messages(recording)):
             writer.add_message(channels[topic], at, _json(content).encode(), at, sequence)
-        writer.add_attachment(0, 0, "run.json", "application/json", recording.run_json().encode())
+        writer.add_attachment(0, 0, "run.json", "application/json", run_json.encode())
         writer.finish()
 
 

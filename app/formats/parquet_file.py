@@ -12,11 +12,11 @@ from walkcore import Recording
 RUN = b"walk.run.json"
 
 
-def write(recording: Recording, path: Path) -> None:
-    """Write a recording."""
+def write(recording: Recording, run_json: str, path: Path) -> None:
+    """Write a recording and its run.json."""
     fields = [_field(name) for name in recording.columns]
     columns = [_column(field, recording[field.name]) for field in fields]
-    schema = pa.schema(fields, metadata={RUN: recording.run_json().encode()})
+    schema = pa.schema(fields, metadata={RUN: run_json.encode()})
     pq.write_table(pa.table(columns, schema=schema), path, compression="zstd")
 
 

@@ -6,8 +6,8 @@ A walk repeats itself every two steps in the place of the capture point
 
 as seen from the foot that has just landed. A push is over at the touchdown at which xi is back
 where it was before the push, or, if another velocity is asked for meanwhile, where it was two
-steps before. A robot that stands is back once xi is back between its feet. No margin may have
-been given up since the touchdown before.
+steps before. A robot that stands is back once it stands still, be it off its middle: nothing asks it
+to come back there. No margin may have been given up since the touchdown before.
 """
 
 import math
@@ -22,6 +22,7 @@ from walkcore.pattern_generator import Status
 from walkcore.values import Vector, rotation
 
 BACK = 0.02  # [m] of the capture point from where it was
+STILL = 0.02  # [m/s]
 
 
 class PushFollower:
@@ -50,7 +51,7 @@ class PushFollower:
             self._conclude(survived=False)
         elif snapshot.phase is Phase.STANDING:
             self._landed.clear()
-            self._judge(self._out_of_middle(snapshot) < BACK)
+            self._judge(math.hypot(*snapshot.com.velocity) < STILL)
         self._is_relaxed = (self._is_relaxed and not has_landed) or snapshot.status is Status.RELAXED
 
     def _begin(self, snapshot: Snapshot, goes_on: bool) -> None:
@@ -82,8 +83,3 @@ class PushFollower:
 
     def _capture_point(self, snapshot: Snapshot) -> Vector:
         return snapshot.com.position + snapshot.com.velocity * math.sqrt(snapshot.com_height / self._gravity)
-
-    def _out_of_middle(self, snapshot: Snapshot) -> float:
-        """From the middle between the feet to the capture point [m]."""
-        middle = (snapshot.left_foot.position + snapshot.right_foot.position) / 2
-        return math.dist(self._capture_point(snapshot), middle)

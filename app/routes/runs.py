@@ -18,11 +18,17 @@ from app.schemas import ErrorBody
 
 EVENT_PERIOD = 0.2  # [s] between looks at a run that is followed
 
+BUSY: dict[str, Any] = {
+    "model": ErrorBody,
+    "headers": {"Retry-After": {"description": "[s]", "schema": {"type": "integer"}}},
+}
 UNKNOWN: dict[int | str, dict[str, Any]] = {404: {"model": ErrorBody, "description": "There is no such run."}}
 
 Ending = Literal[tuple(FORMATS)]
 
-router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
+router = APIRouter(
+    prefix="/api/v1/runs", tags=["runs"], responses={422: {"model": ErrorBody, "description": "Bad input."}}
+)
 
 
 def _runs(request: Request) -> Runs:
@@ -47,11 +53,7 @@ KnownRun = Annotated[Run, Depends(_known)]
             "model": ErrorBody,
             "description": "Not a scenario, or beyond a limit: the field, its value and the limit.",
         },
-        503: {
-            "model": ErrorBody,
-            "description": "Too many runs wait already.",
-            "headers": {"Retry-After": {"description": "[s]", "schema": {"type": "integer"}}},
-        },
+        503: BUSY | {"description": "Too many runs wait already."},
     },
 )
 def submit(scenario: ScenarioBody, runs: AllRuns, response: Response) -> RunBody:
@@ -105,7 +107,11 @@ async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]
 NO_RECORDING = UNKNOWN | {409: {"model": ErrorBody, "description": "The run is not done: it has no files."}}
 
 
-@router.get("/{run_id}/recording.{ending}", response_class=FileResponse, responses=NO_RECORDING)
+@router.get(
+    "/{run_id}/recording.{ending}",
+    response_class=FileResponse,
+    responses=NO_RECORDING | {503: BUSY | {"description": "Too many files are being made."}},
+)
 def recording(
     run: KnownRun,
     ending: Ending,  # pyright: ignore[reportInvalidTypeForm]  # the registry's names

@@ -9,13 +9,14 @@ from walkcore.recording import Recording
 from walkcore.scenario import scenario_from_mapping
 
 
-def read_recording(folder: Path) -> Recording:
-    """The recording from recording.npz and run.json; without what the body's joints did, which only metrics need."""
-    run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+def read_run(folder: Path) -> tuple[Recording, str]:
+    """The recording, and the text of run.json; without what the body's joints did, which is summed up in there."""
+    run_json = (folder / "run.json").read_text(encoding="utf-8")
+    run = json.loads(run_json)
     with np.load(folder / "recording.npz") as columns:
         names = tuple(columns)
         rows = np.column_stack([columns[name] for name in names])
-    return Recording(
+    recording = Recording(
         scenario=scenario_from_mapping(run["scenario"]),
         columns=names,
         rows=rows,
@@ -24,3 +25,4 @@ def read_recording(folder: Path) -> Recording:
         reason=run["metrics"]["reason"],
         body_use=None,
     )
+    return recording, run_json

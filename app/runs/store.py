@@ -248,7 +248,8 @@ def _run(row: sqlite3.Row) -> Run:
 
 
 def _broken(verdict: Mapping[str, Any]) -> str:
-    return f"expected {verdict['name']}: {verdict['bound']}, measured {verdict['measured']}"
+    measured = "not measured in this run" if verdict["measured"] is None else f"measured {verdict['measured']}"
+    return f"expected {verdict['name']}: {verdict['bound']}, {measured}"
 
 
 def _finite(value: Any) -> Any:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from app.formats import FORMATS
-from app.runs.read import read_recording
+from app.runs.read import read_run
 from app.runs.run import Progress
 from walkcore import WalkError
 from walkcore.recording import record
@@ -78,7 +78,8 @@ class Convert:
         """Beside the others, in one piece."""
         form = FORMATS[self.ending]
         half = self.folder / f"half.{form.file}"
-        form.write(read_recording(self.folder), half)
+        recording, run_json = read_run(self.folder)
+        form.write(recording, run_json, half)
         half.rename(self.folder / form.file)
         return Outcome()
 

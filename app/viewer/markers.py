@@ -50,8 +50,13 @@ def points_of(snapshot: Snapshot, omega: float) -> dict[str, Vector | None]:
         "com": snapshot.com.position,
         "cop": snapshot.cop,
         "true_cop": snapshot.true_cop,
-        "capture_point": snapshot.com.position + snapshot.com.velocity / omega,
+        "capture_point": capture_point(snapshot, omega),
     }
+
+
+def capture_point(snapshot: Snapshot, omega: float) -> Vector:
+    """Where a foot would stop the robot [m], shape (2,)."""
+    return snapshot.com.position + snapshot.com.velocity / omega
 
 
 def previews_of(snapshot: Snapshot, omega: float) -> dict[str, Matrix]:
@@ -77,10 +82,8 @@ class Marker:
         self._height = style.height
         self._past: deque[Vector] = deque(maxlen=TRAIL_POINTS)
         self._is_dashed = style.line is COP_TRAIL
-        server.scene.add_frame(self._dot, show_axes=False, visible=False)
+        add_dot(server, self._dot, style)
         server.scene.add_frame(self._frame, show_axes=False)
-        _add_disc(server, f"{self._dot}/rim", COP_RIM, 1.35 * style.radius, 0.0)
-        _add_disc(server, f"{self._dot}/face", style.colour, style.radius, 0.001)
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
         colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
         _add_line(server, self._trail, TRAIL_POINTS - 1, np.stack([colours[:-1], colours[1:]], axis=1), 2.0)
@@ -162,6 +165,13 @@ class Balance:
 
 def _line(points: Matrix, height: float) -> Points:
     return polyline(raised(np.round(points, 4), height))
+
+
+def add_dot(server: viser.ViserServer, name: str, style: Style) -> None:
+    """Make the nodes of a flat disc with a white rim, invisible."""
+    server.scene.add_frame(name, show_axes=False, visible=False)
+    _add_disc(server, f"{name}/rim", COP_RIM, 1.35 * style.radius, 0.0)
+    _add_disc(server, f"{name}/face", style.colour, style.radius, 0.001)
 
 
 def _add_disc(server: viser.ViserServer, name: str, colour: Colour, radius: float, lift: float) -> None:

@@ -1,6 +1,7 @@
 """A recording as a page that plays in 3-D from disk, drawn by the same scene as the live robot."""
 
 import contextlib
+import html
 import io
 
 import viser
@@ -15,6 +16,7 @@ from walkcore.replay import replayed
 
 PERIOD = 1 / 30  # [s] between frames
 MAX_FRAMES = 3600  # longer walks are shown with fewer frames a second, so that the page stays small
+SKY, FLOOR = (255, 255, 255), (150, 150, 155)
 MORE_LAYERS = ("trails",)  # beside those that the live scene shows at its start
 
 
@@ -34,6 +36,7 @@ def _played(server: viser.ViserServer, recording: Recording) -> str:
     period = float(recording.parameters["control_period"])
     every = max(1, round(PERIOD / period), fewest)
     scene = Scene(server, recording.scenario.robot, LIGHT)
+    _illuminate(server)
     for layer in MORE_LAYERS:
         scene.show(layer, True)
     camera = server.initial_camera
@@ -43,7 +46,14 @@ def _played(server: viser.ViserServer, recording: Recording) -> str:
         scene.draw(snapshot, parameters[k * every], every * period)
         _keep(serializer, scene.stream)
         serializer.insert_sleep(every * period)
-    return serializer.as_html()
+    name = html.escape(recording.scenario.name)
+    return serializer.as_html().replace("<title>Viser</title>", f"<title>{name}</title>", 1)
+
+
+def _illuminate(server: viser.ViserServer) -> None:
+    """By a sky in place of the studio, which the page would load anew, and fade in, each time the walk begins again."""
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_hemisphere("/light/sky", sky_color=SKY, ground_color=FLOOR, intensity=1.6)
 
 
 def _parameters(recording: Recording) -> list[Parameters]:
