@@ -130,6 +130,7 @@ class Balance:
         server.scene.add_frame(self._com, show_axes=False)
         server.scene.add_icosphere(self._ball, radius=BALL_RADIUS, color=COM, cast_shadow=False)
         _add_line(server, self._plumb, 1, COM, 1.5, visible=True)
+        self._com_height = np.nan
         self._frame = 0
 
     def update(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
@@ -137,9 +138,7 @@ class Balance:
         points, com = points_of(snapshot, omega), snapshot.com.position
         if "com" in shown:
             stream.on_ground(self._com, com)
-            top = (0.0, 0.0, round(snapshot.com_height, 3))
-            stream.position(self._ball, top)
-            stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
+            self._hang(stream, round(snapshot.com_height, 3))
         for name, marker in self._markers.items():
             if name in shown:
                 marker.move(stream, points[name])
@@ -147,10 +146,20 @@ class Balance:
                     marker.go_with(stream, com)
         self._frame += 1
         if self._frame % FRAMES_PER_LINE == 0:
-            self._draw_lines(stream, snapshot, omega, shown)
+            self._draw_lines(stream, snapshot, points, omega, shown)
 
-    def _draw_lines(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
-        points = points_of(snapshot, omega)
+    def _hang(self, stream: Stream, height: float) -> None:
+        """The ball at a height [m], and the line from it to the ground."""
+        if height == self._com_height:
+            return
+        self._com_height = height
+        top = (0.0, 0.0, height)
+        stream.position(self._ball, top)
+        stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
+
+    def _draw_lines(
+        self, stream: Stream, snapshot: Snapshot, points: dict[str, Vector | None], omega: float, shown: set[str]
+    ) -> None:
         previews = previews_of(snapshot, omega) if "preview" in shown else {}
         for name, marker in self._markers.items():
             marker.remember(points[name])

@@ -110,7 +110,7 @@ class Scene:
         if "regions" in shown:
             self._regions.update(stream, snapshot)
         if shown & {"support", "margin"}:
-            self._support.update(stream, snapshot, parameters.cop_margin)
+            self._support.update(stream, snapshot, parameters.cop_margin if "margin" in shown else None)
         self._balance.update(stream, snapshot, math.sqrt(parameters.gravity / snapshot.com_height), shown)
         self._velocities.update(stream, snapshot, shown)
         self._push.update(stream, snapshot, self._pushes.impulse(snapshot), elapsed)
