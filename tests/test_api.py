@@ -452,11 +452,12 @@ def test_what_became_of_the_last_push_is_told(api):
     api.post("live/reset")
     api.post("live/step", json={"ticks": 100})
     api.post("live/push", json={"impulse": [0.0, 1.0]})
-    assert api.post("live/step").json()["last_push"] == {
+    assert api.post("live/step", json={"ticks": 2}).json()["last_push"] == {
         "t": 0.505,
         "impulse": [0.0, 1.0],
         "survived": True,
         "steps": 0,
+        "time": 0.005,
     }
     api.post("live/push", json={"impulse": [0.0, 60.0]})
     api.post("live/step", json={"ticks": 800})
