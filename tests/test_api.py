@@ -457,7 +457,7 @@ def test_what_became_of_the_last_push_is_told(api):
         "impulse": [0.0, 1.0],
         "survived": True,
         "steps": 0,
-        "time": 0.005,
+        "time": pytest.approx(0.005),
     }
     api.post("live/push", json={"impulse": [0.0, 60.0]})
     api.post("live/step", json={"ticks": 800})
