@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.live.pace import LATENESS_EDGES, Timing
 from app.live.runner import INTERVALS, SPEEDS, LiveState
-from app.outlines import foothold_regions, support_polygon
-from walkcore import Push, Reference, Robot, Snapshot
+from app.outlines import foothold_regions, is_caught, support_polygon
+from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.recording import row
 
 
@@ -181,12 +181,11 @@ def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
     }
 
 
-def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> dict[str, Any]:
     """What a push would lead to."""
-    plan = snapshot.plan
     return {
         "status": snapshot.status.value,
-        "survives": plan is not None and plan.is_capturable,
+        "survives": is_caught(robot, snapshot, parameters),
         "plan": plan_json(snapshot, robot),
     }
 

@@ -2,7 +2,8 @@
 
 Starts a server, lets the robot walk, and opens clients, each in a process of its own: viser's stream by the
 proxy, as the page opens it, and the live snapshot beside it. Another process polls by REST. Told is what
-`/metrics` says of every tick between the first and the last second.
+the server says of every tick between the first and the last second. Beside it runs a loop of the same rate
+and precedence that does nothing: how late that is, no control loop can help.
 
     python benchmarks/deadlines.py --minutes 10 --clients 5
     python benchmarks/deadlines.py --minutes 1 --clients 1 5 20
@@ -25,6 +26,7 @@ from typing import Any
 
 import httpx
 import tyro
+from empty_loop import EmptyLoop, empty_loop
 from prometheus_client.parser import text_string_to_metric_families
 from viser_client import scene
 from websockets.asyncio.client import connect
@@ -69,8 +71,8 @@ def main(asked: Deadlines) -> None:
     """Measure, and print a table for each number of clients."""
     found = []
     for nb_clients in asked.clients:
-        with server(asked.robot) as url, crowd(url, nb_clients):
-            found.append(measured(url, nb_clients, 60.0 * asked.minutes))
+        with server(asked.robot) as url, crowd(url, nb_clients), empty_loop() as empty:
+            found.append(measured(url, nb_clients, 60.0 * asked.minutes, empty))
             print(table(found[-1]), flush=True)
     if asked.json is not None:
         asked.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
@@ -140,13 +142,13 @@ def poll(url: str) -> None:
             time.sleep(max(due - time.monotonic(), 0.0))
 
 
-def measured(url: str, nb_clients: int, seconds: float) -> dict[str, Any]:
+def measured(url: str, nb_clients: int, seconds: float, empty: EmptyLoop) -> dict[str, Any]:
     """What happened to the ticks of so many seconds."""
     with httpx.Client(base_url=url, timeout=PATIENCE) as api:
         wait_for_clients(api, nb_clients)
-        first = reading(api)
+        first, empty_first = reading(api), empty.late
         time.sleep(seconds)
-        last = reading(api)
+        last, empty_last = reading(api), empty.late
         assert api.get("api/v1/health").json()["clients"] == nb_clients, "a client was lost"
     nb_ticks = last.ticks - first.ticks
     late = {edge: last.late[edge] - first.late[edge] for edge in last.late}
@@ -156,6 +158,7 @@ def measured(url: str, nb_clients: int, seconds: float) -> dict[str, Any]:
         "seconds": last.at - first.at,
         "ticks": nb_ticks,
         "late": late,
+        "empty_late": {edge: empty_last[edge] - empty_first[edge] for edge in empty_last},
         "late_ms_max": last.late_ms_max,
         "misses": last.misses - first.misses,
         "real_time_factor": (last.t - first.t) / (last.at - first.at),
@@ -198,7 +201,10 @@ def table(found: dict[str, Any]) -> str:
         f"{found['clients']} browsers, polling at {POLL_RATE:g} Hz, {found['seconds']:.0f} s on {found['machine']}:"
         f" {'holds' if found['holds'] else 'does not hold'}",
         f"  {found['ticks']} ticks, real-time factor {found['real_time_factor']:.4f}, {found['misses']} a period late",
-        *(f"  started more than {edge:>2} ms late: {count}" for edge, count in found["late"].items()),
+        *(
+            f"  started more than {edge:>2} ms late: {count}, of the empty loop {found['empty_late'][edge]}"
+            for edge, count in found["late"].items()
+        ),
         f"  latest start of all, since the server's own: {found['late_ms_max']:.2f} ms",
         f"  {'[ms]':20} {'first':>8} {'last':>8}",
         f"  {'tick':20} {first['tick_ms']:8.3f} {last['tick_ms']:8.3f}",

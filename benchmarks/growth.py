@@ -15,7 +15,7 @@ from walkcore import load_scenario
 from walkcore.qp import SOLVERS
 
 HORIZONS = (8, 16, 32, 64)
-STAGES = ("gait", "assemble", "solve", "snapshot", "swing_foot")
+STAGES = ("gait", "assemble", "solve", "check", "snapshot", "swing_foot")
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,8 @@ from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
 WALK_SECONDS = 8.0
 HEADER = 16  # bytes before the compressed part of a message of viser
+SETTLE = 1.0  # [s] after the clients have come
+JOIN_SECONDS = 4.0  # that the one more is watched, and the others meanwhile
 
 
 class Replay:
@@ -55,14 +57,14 @@ class Replay:
 
 
 def read_as_browser(port: int, seconds: float, results: "multiprocessing.Queue[dict[str, float]]") -> None:
-    """Connect, read for some time, and tell how that went."""
-    results.put(asyncio.run(_read(port, seconds)))
+    """Connect, read until one more has joined, and tell how that went."""
+    results.put(asyncio.run(_read(port, seconds + JOIN_SECONDS, of_which_alone=seconds)))
 
 
-async def _read(port: int, seconds: float) -> dict[str, float]:
+async def _read(port: int, seconds: float, of_which_alone: float) -> dict[str, float]:
     started = time.perf_counter()
     joined = joined_bytes = nb_bytes = nb_frames = 0.0
-    last, longest = None, 0.0
+    last, longest, longest_at_join = None, 0.0, 0.0
     async with scene(f"ws://127.0.0.1:{port}") as socket:
         while (now := time.perf_counter() - started) < seconds:
             try:
@@ -75,13 +77,18 @@ async def _read(port: int, seconds: float) -> dict[str, float]:
                     joined = time.perf_counter() - started
                 continue
             nb_bytes, nb_frames = nb_bytes + len(message), nb_frames + 1
-            longest, last = max(longest, now - (last or now)), now
+            gap, last = now - (last or now), now
+            if now < of_which_alone:
+                longest = max(longest, gap)
+            else:
+                longest_at_join = max(longest_at_join, gap)
     return {
         "join_ms": 1e3 * joined,
         "join_kB": joined_bytes / 1e3,
         "kB_per_s": nb_bytes / 1e3 / (seconds - joined),
         "messages_per_s": nb_frames / (seconds - joined),
         "longest_gap_ms": 1e3 * longest,
+        "longest_gap_at_join_ms": 1e3 * longest_at_join,
     }
 
 
@@ -117,18 +124,18 @@ def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: f
     """Stream to some clients for some time, then let one more join."""
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, float]] = context.Queue()
-    spans = [seconds + 4.0] * nb_clients
-    clients = [context.Process(target=read_as_browser, args=(viewer.port, span, results)) for span in spans]
+    arguments = (viewer.port, SETTLE + seconds, results)
+    clients = [context.Process(target=read_as_browser, args=arguments) for _ in range(nb_clients)]
     for client in clients:
         client.start()
     while len(viewer._server.get_clients()) < nb_clients:
         time.sleep(0.05)
-    time.sleep(1.0)
+    time.sleep(SETTLE)
     buffer = viewer._server._websock_server._broadcast_buffer
     spent.clear()
     ids, cpu, wall = buffer.message_counter, time.process_time(), time.monotonic()
-    time.sleep(seconds / 2)
-    late = context.Process(target=read_as_browser, args=(viewer.port, seconds / 2, results))
+    time.sleep(seconds)
+    late = context.Process(target=read_as_browser, args=(viewer.port, 0.0, results))
     cpu, elapsed = time.process_time() - cpu, time.monotonic() - wall
     frames = elapsed / PERIOD
     parts = {name: 1e3 * value / frames for name, value in spent.items()}

@@ -22,6 +22,7 @@ export class Scene {
     this.stopWatching = () => {};
     this.frame.addEventListener("load", () => {
       this.dress();
+      this.makeRoom();
       this.watch();
       onLoad(this.frame.contentWindow);
     });
@@ -69,6 +70,23 @@ export class Scene {
     link.href = "/static/viewer.css";
     this.frame.contentDocument.head.append(link);
     this.showPanel(this.hasPanel);
+  }
+
+  /** The page's own controls keep to the scene, which viser makes smaller where its panel is. */
+  makeRoom() {
+    const { contentDocument: inner, contentWindow: window } = this.frame;
+    const sizes = new window.ResizeObserver(([{ target }]) => {
+      const { right, bottom } = target.getBoundingClientRect();
+      document.body.style.setProperty("--beside", `${window.innerWidth - right}px`);
+      document.body.style.setProperty("--below", `${window.innerHeight - bottom}px`);
+    });
+    const arrivals = new window.MutationObserver(() => {
+      const scene = inner.querySelector("[data-dock-root] > :first-child");
+      if (!scene) return;
+      arrivals.disconnect();
+      sizes.observe(scene);
+    });
+    arrivals.observe(inner.body, { childList: true, subtree: true });
   }
 
   showPanel(isShown) {

@@ -5,6 +5,7 @@ import pytest
 from app.live.control import NOBODY, Control, Drive, NotPausedError
 from app.live.state import LiveState, RandomPushes
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
+from walkcore.gait import Phase
 from walkcore.pattern_generator import Status
 
 HRP2 = load_robot("hrp2")
@@ -187,6 +188,15 @@ def test_a_standing_robot_survives_a_light_push_without_a_step(control, clock):
     walk(control, clock, 100)
     *_, last = follow(control, clock, Push([0.0, 0.5], 0.1))
     assert (last.survived, last.steps) == (True, 0) and last.impulse == pytest.approx((0.0, 0.5))
+
+
+@pytest.mark.parametrize(("impulse", "has_steps"), [([0.0, 18.0], False), ([14.0, 0.0], True)])
+def test_a_standing_robot_that_stands_again_has_survived_wherever_it_stands(control, clock, impulse, has_steps):
+    walk(control, clock, 100)
+    story = follow(control, clock, Push(impulse))
+    assert control.latest.snapshot.phase is Phase.STANDING
+    assert [push.survived for push in story] == [None] * (len(story) - 1) + [True]
+    assert (story[-1].steps > 0) is has_steps
 
 
 def test_a_push_to_the_ground_is_a_failed_solve_and_not_survived(control, clock):

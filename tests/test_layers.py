@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent
 
 # From the ground up; what stands on one line knows nothing of each other or is listed in order.
 CORE = """
-    errors values stages
+    errors values stages cache
     command lipm schemes qp parameters
     gait
     orientation regions robot

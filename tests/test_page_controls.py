@@ -307,6 +307,15 @@ def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
     assert header.startswith("tick,t,com_x")
 
 
+def test_controls_keep_to_the_scene_where_the_panel_is_beside_it(visit):
+    page = visit()
+    page.frames[1].evaluate("""document.body.innerHTML =
+        '<div data-dock-root><div style="position: absolute; inset: 0 300px 40px 0"></div></div>'""")
+    push, dock = page.get_by_test_id("push"), page.get_by_test_id("stop")
+    wait_for(lambda: centre(push)[0] < 1280 - 300 and centre(push)[1] < 800 - 40)
+    assert centre(dock)[0] == pytest.approx((1280 - 300) / 2, abs=100)
+
+
 def test_refusal_is_told_in_words(visit, server):
     page = visit(f"{server.url}#scheme=magic")
     page.get_by_role("button", name="Apply").click()

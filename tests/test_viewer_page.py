@@ -1,4 +1,4 @@
-"""The robot's body under a hand, in a real browser."""
+"""The scene in a real browser: the robot's body under a hand, and the panel beside it."""
 
 import time
 
@@ -59,6 +59,7 @@ def assert_right_and_back(push):
 def test_finger_that_drags_the_body_pushes_it_that_way(visit, api):
     page = visit(**PHONE)
     assert_right_and_back(push_by(Finger(page), chest_of(page), api))
+    assert_panel_covers_nothing(page)
 
 
 def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_lets_go(visit, api):
@@ -73,3 +74,43 @@ def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_lets_go(visi
     pointer.lift()
     time.sleep(1.0)
     assert api.get("live").json()["last_push"]["t"] == before["t"]
+    assert_panel_covers_nothing(page)
+
+
+BOXES = """[...document.querySelectorAll('[data-dock-region], [data-engine], .mantine-Paper-root')]
+    .map((element) => [element.matches('canvas') ? 'scene' : 'panel', element.getBoundingClientRect().toJSON()])"""
+
+
+def boxes_in_scene(page):
+    """The places of scene and panel on the page; None while one of them is not there."""
+    frame = page.get_by_test_id("viewer").bounding_box()
+    found = dict(reversed(page.frames[1].evaluate(BOXES)))  # the outermost of the panel counts
+    for box in found.values():
+        box["x"] += frame["x"]
+        box["y"] += frame["y"]
+    return found
+
+
+def overlap(one, other):
+    return all(
+        one[start] < other[start] + other[size] - 1 and other[start] < one[start] + one[size] - 1
+        for start, size in (("x", "width"), ("y", "height"))
+    )
+
+
+def assert_panel_covers_nothing(page):
+    """Neither the scene, which is beside it or above, nor the controls that are there."""
+    page.locator("#panel").click()
+    controls = [page.get_by_test_id(name) for name in ("joystick", "push", "zero", "reset", "stop")]
+
+    def is_clear():
+        boxes = boxes_in_scene(page)
+        if {"scene", "panel"} - set(boxes) or not boxes["panel"]["width"]:
+            return False
+        taken = [boxes["scene"], *(each.bounding_box() for each in controls if each.is_visible())]
+        return not any(overlap(boxes["panel"], box) for box in taken)
+
+    give_up = time.monotonic() + PATIENCE
+    while not is_clear():
+        assert time.monotonic() < give_up, "the panel covers something"
+        time.sleep(0.2)

@@ -10,8 +10,9 @@ import trimesh
 import viser
 from scipy.spatial.transform import Rotation
 
+from app.outlines import carriers, is_caught
 from app.viewer import LIGHT
-from app.viewer.constraints import binding, carriers
+from app.viewer.constraints import binding
 from app.viewer.grab import Grab, on_ground
 from app.viewer.layers import LAYERS
 from app.viewer.markers import points_of, previews_of
@@ -19,7 +20,8 @@ from app.viewer.method_tab import MethodTab
 from app.viewer.plots_tab import _row
 from app.viewer.robot_mesh import BodyPart, _closed
 from app.viewer.scene import Scene
-from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.gait import Phase
 from walkcore.pattern_generator import Status
 from walkcore.regions import polygon, sole_vertices
 
@@ -303,3 +305,26 @@ def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():
     assert all(layer.meaning for layer in LAYERS.values())
     colours = [layer.colour for name, layer in LAYERS.items() if layer.colour and name != "velocity"]
     assert len(set(colours)) == len(colours)
+
+
+@pytest.mark.parametrize(
+    ("impulse", "verdict"),
+    [([0.0, 10.0], "stands"), ([15.0, 0.0], "steps"), ([25.0, 0.0], "fall")],
+    ids=["light", "harder", "hopeless"],
+)
+def test_preview_of_a_push_on_a_standing_robot_tells_what_comes_of_it(server, impulse, verdict):
+    robot, parameters = load_robot("hrp2"), Parameters()
+    scene, simulation = Scene(server, robot, LIGHT), Simulation(robot, parameters)
+    now, command = simulation.step(), Command(push=Push(impulse))
+    answer = simulation.preview(command)
+    scene.aim(now, parameters, np.array(impulse), answer)
+    assert scene.stream._values["SceneNodeUpdateMessage", "/w/push/preview/at_com/label", "text"].endswith(verdict)
+    shown = [name for name, is_shown in values(scene, "SetSceneNodeVisibilityMessage").items() if is_shown]
+    assert bool([name for name in shown if "/steps/" in name]) is bool(answer.plan.footholds)
+    capture = values(scene, "SetPositionMessage")["/w/push/preview/capture_point"][:2]
+    omega = np.sqrt(parameters.gravity / now.com_height)
+    assert capture == pytest.approx(now.com.position + np.array(impulse) / robot.mass / omega, abs=1e-4)
+
+    came = [simulation.step(command), *(simulation.step() for _ in range(400))]
+    assert is_caught(robot, answer, parameters) is (came[-1].status is not Status.FALLEN)
+    assert (verdict == "stands") is all(snapshot.phase is Phase.STANDING for snapshot in came)

@@ -26,8 +26,8 @@ def problems(request):
     """The QPs of a short walk at the paper's period, with their solutions."""
     seen = []
 
-    def solve(problem, solver):
-        seen.append((problem, solve_qp(problem, solver)))
+    def solve(problem, solver, stages):
+        seen.append((problem, solve_qp(problem, solver, stages)))
         return seen[-1][1]
 
     with pytest.MonkeyPatch.context() as patch:

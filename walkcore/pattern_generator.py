@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from walkcore.cache import kept
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
 from walkcore.gait import Footstep, Horizon
@@ -89,7 +90,7 @@ class PatternGenerator:
         self.com_height = robot.com_height if p.com_height is None else p.com_height
         self.omega = math.sqrt(p.gravity / self.com_height)
         self._geometry = SupportGeometry(robot, p, self.com_height)
-        self._phase = lru_cache(maxsize=MAX_PHASES)(self._compute_phase)
+        self._phase = kept(self._compute_phase, MAX_PHASES)
         self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
 
     def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
@@ -121,10 +122,8 @@ class PatternGenerator:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
         task = self._describe(com, support, swing, horizon, reference, heading)
-        problem = task.phase.qp.at(task.known, task.supports)
-        self._stages.lap("assemble")
-        u, status, is_capturable = self._solve(problem, task)
-        self._stages.lap("solve")
+        u, status, is_capturable = self._solve(task)
+        self._stages.lap("check")
 
         lipm, layout, supports = task.phase.preview.lipm, task.phase.preview.layout, task.supports
         jerks = np.ascontiguousarray(layout.jerks(u))
@@ -159,7 +158,7 @@ class PatternGenerator:
         known = Known(com, support.position, swing.position, to_middle, planned, velocities)
         return _Task(phase, supports, known.matrix)
 
-    def _solve(self, problem: QP, task: _Task) -> tuple[Vector, Status, bool]:
+    def _solve(self, task: _Task) -> tuple[Vector, Status, bool]:
         """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
 
         A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
@@ -169,10 +168,11 @@ class PatternGenerator:
         """
         phase, supports, known, axes = task.phase, task.supports, task.known, task.phase.preview.layout.axes
         with suppress(NoSolutionFoundError):
-            u = solve_qp(problem, self._parameters.solver).u
+            u = solve_qp(phase.qp.at(known, supports), self._parameters.solver, self._stages).u
             if self._parameters.terms.footholds is not Footholds.FREE or _leads_on(task, axes(u)):
                 return u, Status.SOLVED, True
-        u = solve_qp(phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)).u
+        rescue = phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)
+        u = solve_qp(rescue, stages=self._stages).u
         end = phase.last_dcm.at(axes(u), known)[0]
         return u, Status.RELAXED, supports.capturable_at_end.excess(end) < CAPTURE_TOLERANCE
 

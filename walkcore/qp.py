@@ -10,6 +10,7 @@ method, is exact and more than twice as fast, but at a loss where the cost has f
 at all, as in the rescue QP.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
@@ -19,12 +20,12 @@ import numpy as np
 import piqp
 
 from walkcore.errors import NoSolutionFoundError
+from walkcore.stages import UNTIMED, Stages
 from walkcore.values import Matrix, Vector
 
 TOLERANCE = 1e-9  # of the residuals of the scaled problem, absolute and relative
 GAP_TOLERANCE = 1e-11  # of the duality gap: what moves the footholds last
 MAX_ITERATIONS = 100
-UNBOUNDED = 1e30  # PIQP's infinity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,26 +59,43 @@ class Solution:
     """Positive where the upper bound of a row is active, negative where the lower one is, shape (r,)."""
 
 
-def solve_qp(problem: QP, solver: str = "piqp") -> Solution:
+def solve_qp(problem: QP, solver: str = "piqp", stages: Stages = UNTIMED) -> Solution:
     """The minimiser of a QP.
 
     Args:
         problem: any.
         solver: one of `SOLVERS`.
+        stages: is told when all is ready for the solver ("assemble") and when the solver is done ("solve").
 
     Raises:
         NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
     """
-    if not len(problem.lower):
-        return Solution(np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64), np.zeros(0))
-    solution = SOLVERS[solver](problem)
-    if not np.isfinite(solution.u).all():
+    solution = SOLVERS[solver](problem, stages) if len(problem.lower) else _without_bounds(problem, stages)
+    if not math.isfinite(solution.u.sum()):  # as no sum is with a term that is not
         raise NoSolutionFoundError(f"{solver} gave a solution that is not finite for {problem.summary}")
     return solution
 
 
-def interior_point_solver() -> piqp.DenseSolver:
-    """PIQP with the settings that this QP needs."""
+def _without_bounds(problem: QP, stages: Stages) -> Solution:
+    stages.lap("assemble")
+    u = np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64)
+    stages.lap("solve")
+    return Solution(u, np.zeros(0))
+
+
+def _by_interior_points(problem: QP, stages: Stages) -> Solution:
+    solver = _interior_point_solver()
+    P, G = np.asfortranarray(problem.P), np.asfortranarray(problem.G)
+    stages.lap("assemble")
+    solver.setup(P=P, c=problem.q, G=G, h_l=problem.lower, h_u=problem.upper)
+    status = solver.solve()
+    stages.lap("solve")
+    if status != piqp.PIQP_SOLVED:
+        raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
+    return Solution(solver.result.x, solver.result.z_u - solver.result.z_l)
+
+
+def _interior_point_solver() -> piqp.DenseSolver:
     solver = piqp.DenseSolver()
     settings = solver.settings
     settings.eps_abs = settings.eps_rel = TOLERANCE
@@ -87,32 +105,14 @@ def interior_point_solver() -> piqp.DenseSolver:
     return solver
 
 
-def piqp_form(problem: QP) -> dict[str, Vector]:
-    """The arguments of PIQP's `setup`."""
-    return {
-        "P": np.asfortranarray(problem.P),
-        "c": problem.q,
-        "G": np.asfortranarray(problem.G),
-        "h_l": np.maximum(problem.lower, -UNBOUNDED),
-        "h_u": np.minimum(problem.upper, UNBOUNDED),
-    }
-
-
-def _by_interior_points(problem: QP) -> Solution:
-    solver = interior_point_solver()
-    solver.setup(**piqp_form(problem))
-    status = solver.solve()
-    if status != piqp.PIQP_SOLVED:
-        raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
-    return Solution(solver.result.x, solver.result.z_u - solver.result.z_l)
-
-
-def _by_active_sets(problem: QP) -> Solution:
+def _by_active_sets(problem: QP, stages: Stages) -> Solution:
     P, G = np.ascontiguousarray(problem.P), np.ascontiguousarray(problem.G)
     solve = cast(Callable[..., Any], daqp.solve)  # pyright: ignore[reportUnknownMemberType] (has no types)
+    stages.lap("assemble")
     u, _, status, information = solve(P, problem.q, G, problem.upper, problem.lower, primal_tol=TOLERANCE)
+    stages.lap("solve")
     if status != 1:  # no solution, or flat directions in which it got lost
-        return _by_interior_points(problem)
+        return _by_interior_points(problem, stages)
     return Solution(np.asarray(u), np.asarray(information["lam"]))
 
 

@@ -59,7 +59,7 @@ class HalfPlanes:
     def excess(self, point: ArrayLike) -> float:
         """How far a point lies outside [m]; negative inside, where it is the distance to the nearest edge."""
         along = self.normals @ np.asarray(point)
-        return float(np.max(np.maximum(self.lower - along, along - self.upper)))
+        return float(np.maximum(self.lower - along, along - self.upper).max())
 
 
 @lru_cache(maxsize=1024)  # a foot keeps its yaw for many ticks

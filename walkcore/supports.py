@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
+from walkcore.cache import kept
 from walkcore.capture import StepTiming, capture_polygons
 from walkcore.command import Reference
 from walkcore.gait import Footstep, Horizon, Side
@@ -75,7 +75,7 @@ class SupportGeometry:
         """
         p = parameters
         self._robot, self._parameters = robot, p
-        self._on_feet = lru_cache(maxsize=MAX_KEPT)(self._compute_on_feet)
+        self._on_feet = kept(self._compute_on_feet, MAX_KEPT)
         at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
         self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]

@@ -13,11 +13,11 @@ of the gait alone, p = J k, and a tick has only to turn the polygons' normals an
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from walkcore.cache import kept
 from walkcore.parameters import Parameters
 from walkcore.preview import LinearPoints, Preview
 from walkcore.qp import QP
@@ -46,8 +46,8 @@ class WalkingQP:
         self._Q, self._J = _objective(preview, cops, parameters)
         self._points = cops.followed_by(preview.strides(), preview.flight())
         self._polygon_of_point = _polygon_of_point(preview) if parameters.terms.is_constrained else []
-        self._edges = lru_cache(maxsize=MAX_KEPT)(self._compute_edges)
-        self._rows = lru_cache(maxsize=MAX_KEPT)(self._compute_rows)
+        self._edges = kept(self._compute_edges, MAX_KEPT)
+        self._rows = kept(self._compute_rows, MAX_KEPT)
 
     def at(self, known: Matrix, supports: Supports) -> QP:
         """The QP of one tick.

@@ -11,7 +11,7 @@ import quadprog
 from app.bench.durations import Durations
 from walkcore import Scenario, Simulation
 from walkcore.preview import Layout
-from walkcore.qp import QP, SOLVERS, interior_point_solver, piqp_form, solve_qp
+from walkcore.qp import QP, SOLVERS, solve_qp
 from walkcore.values import Vector
 
 TURN = 25  # QPs that a solver solves before it is the next one's turn: a machine that is busy is so for all of them
@@ -62,18 +62,6 @@ def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
     return {
         name: _result(durations[name], durations[EXACT], np.concatenate(footholds[name]) - exact) for name in solvers
     }
-
-
-def own_times(problems: Sequence[QP]) -> list[float]:
-    """What PIQP itself takes, from matrices in its form to its result [s]."""
-    times: list[float] = []
-    for problem in problems:
-        solver, form = interior_point_solver(), piqp_form(problem)
-        begin = time.perf_counter()
-        solver.setup(**form)
-        solver.solve()
-        times.append(time.perf_counter() - begin)
-    return times
 
 
 def _result(durations: list[float], exact: list[float], errors: Vector) -> SolverResult:

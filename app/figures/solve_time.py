@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.bench.bench import laps
+from app.bench.bench import laps, planning_time
 from app.figures.walks import PAPER_PERIOD, sample_motion, using
 from walkcore import Scenario
 from walkcore.values import Vector
@@ -28,4 +28,4 @@ def solve_times(robot: str) -> SolveTimes:
 
 def plan_durations(scenario: Scenario) -> Vector:
     """What assembling and solving take at each tick of a scenario [s]."""
-    return np.array([tick["assemble"] + tick["solve"] for tick in laps(scenario)])
+    return np.array([planning_time(tick) for tick in laps(scenario)])

@@ -69,9 +69,10 @@ async def push(body: PushBody, runner: LiveRunner) -> PushBody:
 async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
     """The plan that would answer this push if it came now, all at once; the robot does not feel it.
 
-    `survives` tells whether further steps can catch the robot where that plan ends.
+    `survives` tells whether the legs are long enough for that plan, and further steps can catch the robot at its end.
     """
-    return preview_json(await asyncio.wrap_future(runner.preview(body.to_push())), runner.robot)
+    snapshot = await asyncio.wrap_future(runner.preview(body.to_push()))
+    return preview_json(snapshot, runner.robot, runner.parameters)
 
 
 @router.put("/random-pushes")

@@ -59,15 +59,18 @@ class VelocityArrows:
         for name, colour, radius in (("reference", REFERENCE, 0.012), ("velocity", COM, 0.010)):
             server.scene.add_frame(self._frames[name], show_axes=False)
             add_arrow(server, f"{self._frames[name]}/arrow", colour, radius)
+        self._asked: tuple[float, float] | None = None
         self._frame = 0
 
     def update(self, stream: Stream, snapshot: Snapshot, shown: set[str]) -> None:
         """Draw those that are shown."""
         com = snapshot.com
         if "reference" in shown:
-            asked = snapshot.reference
+            asked = (snapshot.reference.vx, snapshot.reference.vy)
             stream.on_ground(self._frames["reference"], com.position, snapshot.heading)
-            self._draw(stream, "reference", np.array([asked.vx, asked.vy]))
+            if asked != self._asked:
+                self._asked = asked
+                self._draw(stream, "reference", np.array(asked))
         if "velocity" in shown:
             stream.on_ground(self._frames["velocity"], com.position)
             self._frame += 1

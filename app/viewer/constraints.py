@@ -10,6 +10,7 @@ import numpy as np
 import viser
 from scipy.spatial import ConvexHull
 
+from app.outlines import carriers
 from app.palette import ACTIVE
 from app.viewer.shapes import Points, raised
 from app.viewer.stream import Stream
@@ -23,31 +24,6 @@ HEIGHT = 0.016  # [m]
 FRAMES_PER_DRAWING = 3  # a client builds lines anew
 
 Segment = tuple[Vector, Vector]
-
-
-def carriers(snapshot: Snapshot, parameters: Parameters) -> list[tuple[Footstep, ...]]:
-    """What carries each sample of the snapshot's plan: one foot, or two side by side.
-
-    Samples up to the touchdown stand on the support foot, after some on both feet where the robot begins
-    to walk; each foothold then carries a step's samples, and the last one of a stop carries with its neighbour.
-    """
-    plan = snapshot.plan
-    assert plan is not None
-    other = snapshot.support.side.other
-    beside = Footstep(other, snapshot.feet[other].position, snapshot.feet[other].yaw)
-    nb_samples = len(plan.times)
-    before = nb_samples
-    if np.isfinite(snapshot.time_to_touchdown):
-        before = int(np.count_nonzero(plan.times < snapshot.time_to_touchdown + 1e-6))
-    alone = min(snapshot.samples_on_support, before)
-    both = (snapshot.support, beside)
-    result: list[tuple[Footstep, ...]] = [both] * (before - alone) + [(snapshot.support,)] * alone
-    feet = (snapshot.support, *plan.footholds)
-    for k, foot in enumerate(plan.footholds, start=1):
-        ends = k == snapshot.steps_to_stand
-        count = nb_samples if ends else parameters.samples_per_step
-        result += [(foot, feet[k - 1]) if ends else (foot,)] * count
-    return result[:nb_samples]
 
 
 def binding(robot: Robot, snapshot: Snapshot, parameters: Parameters) -> list[Segment]:

@@ -194,13 +194,13 @@ class SupportPolygon:
         }
         self._drawn: tuple[Any, ...] = ()
 
-    def update(self, stream: Stream, snapshot: Snapshot, margin: float) -> None:
+    def update(self, stream: Stream, snapshot: Snapshot, margin: float | None) -> None:
         """Draw the polygons of the snapshot's phase.
 
         Args:
             stream: takes the changes.
             snapshot: to be drawn.
-            margin: of the CoP from the edges [m].
+            margin: of the CoP from the edges [m]; None where nobody looks at what it leaves.
         """
         foot = snapshot.support
         # They change only with what stands on the ground.
@@ -212,7 +212,8 @@ class SupportPolygon:
         corners = (support_polygon(self._robot, snapshot) - foot.position) @ rotation(foot.yaw)
         case = (foot.side, snapshot.phase is Phase.SINGLE_SUPPORT)
         _show_one(stream, self._patches, case, foot, corners)
-        _show_one(stream, self._margins, case, foot, _inner(corners, margin))
+        if margin is not None:
+            _show_one(stream, self._margins, case, foot, _inner(corners, margin))
 
 
 def _case(side: Side, is_single: bool) -> str:

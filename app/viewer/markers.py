@@ -50,8 +50,13 @@ def points_of(snapshot: Snapshot, omega: float) -> dict[str, Vector | None]:
         "com": snapshot.com.position,
         "cop": snapshot.cop,
         "true_cop": snapshot.true_cop,
-        "capture_point": snapshot.com.position + snapshot.com.velocity / omega,
+        "capture_point": capture_point(snapshot, omega),
     }
+
+
+def capture_point(snapshot: Snapshot, omega: float) -> Vector:
+    """Where a foot would stop the robot [m], shape (2,)."""
+    return snapshot.com.position + snapshot.com.velocity / omega
 
 
 def previews_of(snapshot: Snapshot, omega: float) -> dict[str, Matrix]:
@@ -77,10 +82,8 @@ class Marker:
         self._height = style.height
         self._past: deque[Vector] = deque(maxlen=TRAIL_POINTS)
         self._is_dashed = style.line is COP_TRAIL
-        server.scene.add_frame(self._dot, show_axes=False, visible=False)
+        add_dot(server, self._dot, style)
         server.scene.add_frame(self._frame, show_axes=False)
-        _add_disc(server, f"{self._dot}/rim", COP_RIM, 1.35 * style.radius, 0.0)
-        _add_disc(server, f"{self._dot}/face", style.colour, style.radius, 0.001)
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
         colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
         _add_line(server, self._trail, TRAIL_POINTS - 1, np.stack([colours[:-1], colours[1:]], axis=1), 2.0)
@@ -127,6 +130,7 @@ class Balance:
         server.scene.add_frame(self._com, show_axes=False)
         server.scene.add_icosphere(self._ball, radius=BALL_RADIUS, color=COM, cast_shadow=False)
         _add_line(server, self._plumb, 1, COM, 1.5, visible=True)
+        self._com_height = np.nan
         self._frame = 0
 
     def update(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
@@ -134,9 +138,7 @@ class Balance:
         points, com = points_of(snapshot, omega), snapshot.com.position
         if "com" in shown:
             stream.on_ground(self._com, com)
-            top = (0.0, 0.0, round(snapshot.com_height, 3))
-            stream.position(self._ball, top)
-            stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
+            self._hang(stream, round(snapshot.com_height, 3))
         for name, marker in self._markers.items():
             if name in shown:
                 marker.move(stream, points[name])
@@ -144,10 +146,20 @@ class Balance:
                     marker.go_with(stream, com)
         self._frame += 1
         if self._frame % FRAMES_PER_LINE == 0:
-            self._draw_lines(stream, snapshot, omega, shown)
+            self._draw_lines(stream, snapshot, points, omega, shown)
 
-    def _draw_lines(self, stream: Stream, snapshot: Snapshot, omega: float, shown: set[str]) -> None:
-        points = points_of(snapshot, omega)
+    def _hang(self, stream: Stream, height: float) -> None:
+        """The ball at a height [m], and the line from it to the ground."""
+        if height == self._com_height:
+            return
+        self._com_height = height
+        top = (0.0, 0.0, height)
+        stream.position(self._ball, top)
+        stream.properties(self._plumb, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))
+
+    def _draw_lines(
+        self, stream: Stream, snapshot: Snapshot, points: dict[str, Vector | None], omega: float, shown: set[str]
+    ) -> None:
         previews = previews_of(snapshot, omega) if "preview" in shown else {}
         for name, marker in self._markers.items():
             marker.remember(points[name])
@@ -162,6 +174,13 @@ class Balance:
 
 def _line(points: Matrix, height: float) -> Points:
     return polyline(raised(np.round(points, 4), height))
+
+
+def add_dot(server: viser.ViserServer, name: str, style: Style) -> None:
+    """Make the nodes of a flat disc with a white rim, invisible."""
+    server.scene.add_frame(name, show_axes=False, visible=False)
+    _add_disc(server, f"{name}/rim", COP_RIM, 1.35 * style.radius, 0.0)
+    _add_disc(server, f"{name}/face", style.colour, style.radius, 0.001)
 
 
 def _add_disc(server: viser.ViserServer, name: str, colour: Colour, radius: float, lift: float) -> None:

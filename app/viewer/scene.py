@@ -75,9 +75,9 @@ class Scene:
         """What a hand can take hold of."""
         return self._robot.meshes
 
-    def aim(self, snapshot: Snapshot, impulse: Vector | None, answer: Snapshot | None) -> None:
+    def aim(self, snapshot: Snapshot, parameters: Parameters, impulse: Vector | None, answer: Snapshot | None) -> None:
         """Draw a push that somebody is about to give, and what the robot would do; see `PushPreview.update`."""
-        self._aimed.update(self.stream, snapshot, impulse, answer)
+        self._aimed.update(self.stream, snapshot, parameters, impulse, answer)
 
     def show(self, layer: str, is_visible: bool) -> None:
         """Draw a layer, or hide it; what is hidden is not sent."""
@@ -110,7 +110,7 @@ class Scene:
         if "regions" in shown:
             self._regions.update(stream, snapshot)
         if shown & {"support", "margin"}:
-            self._support.update(stream, snapshot, parameters.cop_margin)
+            self._support.update(stream, snapshot, parameters.cop_margin if "margin" in shown else None)
         self._balance.update(stream, snapshot, math.sqrt(parameters.gravity / snapshot.com_height), shown)
         self._velocities.update(stream, snapshot, shown)
         self._push.update(stream, snapshot, self._pushes.impulse(snapshot), elapsed)

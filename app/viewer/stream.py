@@ -45,11 +45,12 @@ class Stream:
         value = (round(w, DIGITS), round(x, DIGITS), round(y, DIGITS), round(z, DIGITS))
         self._set(("SetOrientationMessage", name, "wxyz"), value)
 
-    def on_ground(self, name: str, position: Iterable[float], yaw: float = 0.0, height: float = 0.0) -> None:
-        """Where a node stands on the ground [m], shape (2,), and its yaw [rad]."""
+    def on_ground(self, name: str, position: Iterable[float], yaw: float | None = None, height: float = 0.0) -> None:
+        """Where a node stands on the ground [m], shape (2,), and its yaw [rad] if it ever turns."""
         x, y = position
         self.position(name, (x, y, height))
-        self.orientation(name, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+        if yaw is not None:
+            self.orientation(name, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
 
     def visible(self, name: str, is_visible: bool) -> None:
         """Whether a node and its children are drawn."""

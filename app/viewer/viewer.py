@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 PERIOD = 1.0 / 30.0  # [s], of drawing
 CAMERA_POSITION, CAMERA_TARGET = (-2.45, 1.75, 1.55), (0.15, 0.0, 0.78)  # [m], relative to the robot on the ground
 FIELD_OF_VIEW = 0.70  # [rad]
-PANEL_WIDTH = 304  # pixels: its tabs in one row
+PANEL_WIDTH = 308  # pixels: its tabs in one row
 ACCENT = (34, 111, 220)
 
 
@@ -47,6 +47,7 @@ class Viewer:
         self._grab = Grab(self._server, runner, self._scene.body)
         self._panel = Panel(self._server, runner, self._scene)
         self._server.gui.main_panel.set_width(PANEL_WIDTH)
+        self._server.gui.main_panel.dock_right()  # beside the scene: it covers nothing
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
         loop = self._server._websock_server._background_event_loop
@@ -88,10 +89,10 @@ class Viewer:
                 has_failed = True
 
     def _show(self, elapsed: float) -> None:
-        state = self._runner.latest
-        self._scene.draw(state.snapshot, self._runner.parameters, elapsed)
+        state, parameters = self._runner.latest, self._runner.parameters
+        self._scene.draw(state.snapshot, parameters, elapsed)
         self._grab.ask()
-        self._scene.aim(state.snapshot, self._grab.impulse, self._grab.answer)
+        self._scene.aim(state.snapshot, parameters, self._grab.impulse, self._grab.answer)
         self._panel.follow(state, len(self._audience))
         self._audience.send(self._scene.stream)
 

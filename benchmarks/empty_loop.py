@@ -1,0 +1,50 @@
+"""A loop with the rate and the precedence of the control loop that does nothing: how late it is, the machine is."""
+
+import multiprocessing
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from multiprocessing.sharedctypes import SynchronizedArray
+from typing import Any
+
+from app.live.pace import LATENESS_EDGES, Pace
+from app.live.process import take_precedence
+
+PERIOD = 0.005  # [s]
+
+
+class EmptyLoop:
+    """Seen from outside while it runs in a process of its own."""
+
+    def __init__(self, counts: "SynchronizedArray[int]") -> None:
+        """Read what it counts there."""
+        self._counts = counts
+
+    @property
+    def late(self) -> Mapping[str, int]:
+        """How many turns have started later than so many ms."""
+        counts = list(self._counts)
+        return {f"{1e3 * edge:g}": sum(counts[k + 1 :]) for k, edge in enumerate(LATENESS_EDGES)}
+
+
+@contextmanager
+def empty_loop() -> Iterator[EmptyLoop]:
+    """Run one."""
+    context = multiprocessing.get_context("spawn")
+    counts: Any = context.Array("q", len(LATENESS_EDGES) + 1)
+    process = context.Process(target=_run, args=(counts,), daemon=True)
+    process.start()
+    try:
+        yield EmptyLoop(counts)
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _run(counts: "SynchronizedArray[int]") -> None:
+    take_precedence()
+    pace = Pace(PERIOD)
+    while True:
+        time.sleep(max(pace.time_left, 0.0))
+        pace.begin()
+        counts[:] = pace.timing.lateness

@@ -1,0 +1,54 @@
+"""What is kept of a method goes with its object, without the collector of garbage."""
+
+import gc
+from weakref import ref
+
+import pytest
+
+from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore.cache import kept
+
+
+class Squares:
+    def __init__(self) -> None:
+        self.computed: list[int] = []
+        self.of = kept(self._compute, 2)
+
+    def _compute(self, number: int) -> int:
+        self.computed.append(number)
+        return number**2
+
+
+@pytest.fixture
+def _without_collector():
+    gc.disable()
+    yield
+    gc.enable()
+
+
+def test_answers_are_kept_until_others_take_their_place():
+    squares = Squares()
+    assert [squares.of(number) for number in (3, 3, 4, 3, 5, 4)] == [9, 9, 16, 9, 25, 16]
+    assert squares.computed == [3, 4, 5, 4]
+
+
+@pytest.mark.usefixtures("_without_collector")
+def test_an_object_goes_with_its_last_user_and_its_answers_with_it():
+    squares = Squares()
+    squares.of(3)
+    is_there = ref(squares)
+    del squares
+    assert is_there() is None
+
+
+@pytest.mark.usefixtures("_without_collector")
+def test_a_change_of_parameters_leaves_nothing_of_the_old_ones():
+    simulation = Simulation(load_robot("hrp2"))
+    for _ in range(300):
+        simulation.step(Command(Reference(vx=0.2)))
+    generator = simulation._generator
+    there = [ref(generator), ref(generator._geometry), ref(generator._phase(simulation._gait.horizon(0)).qp)]
+    del generator
+    simulation.change(Parameters(beta=1.1))
+    simulation.step(Command(Reference(vx=0.2)))
+    assert [is_there() for is_there in there] == [None, None, None]

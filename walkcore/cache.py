@@ -1,0 +1,20 @@
+"""Answers of a method, kept for as long as its object lives."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, ParamSpec, TypeVar, cast
+from weakref import proxy
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def kept(method: Callable[P, R], maxsize: int) -> Callable[P, R]:
+    """A method of an object that keeps its latest answers, for the object itself to hold.
+
+    Unlike a cache of the bound method it does not hold the object, so both go with the last user,
+    and nothing is left for the collector of garbage, which a control loop cannot let come when it likes.
+    """
+    bound = cast(Any, method)
+    without_object = partial(bound.__func__, proxy(bound.__self__))
+    return cast(Callable[P, R], lru_cache(maxsize=maxsize)(without_object))
