@@ -13,16 +13,16 @@ STEP = 0.8  # [s]
 NOTHING = np.zeros(2)
 
 
-def steps(offsets, push_at=math.nan, statuses=()):
-    """A walk sideways in steps, three moments each; the capture point is so far off its place [m] at the touchdowns."""
+def steps(offsets, push_at=math.nan, statuses=(), of=("com", "capture_point")):
+    """A walk sideways in steps, three moments each; these points are so far off their places [m] at the touchdowns."""
     for k, offset in enumerate(offsets):
         side = Side(k % 2)
         foot = Footstep(side, np.array([0.2 * k, side.sign * 0.1]), 0.0)
         landing = Moment(
             t=k * STEP,
             push=NOTHING,
-            com=foot.position,
-            capture_point=foot.position + [0.1, -side.sign * 0.1 + offset],
+            com=foot.position + [0.0, offset * ("com" in of)],
+            capture_point=foot.position + [0.1, -side.sign * 0.1 + offset * ("capture_point" in of)],
             cop=foot.position,
             support=foot,
             phase=Phase.DOUBLE_SUPPORT,
@@ -41,8 +41,9 @@ def followed(moments):
     return follower.last
 
 
-def test_a_walk_has_recovered_once_the_capture_point_lands_where_it_did_before():
-    last = followed(steps([0, 0, 0, 0, 0.10, 0.06, 0.03, 0.01, 0.0], push_at=3 * STEP + 0.3))
+@pytest.mark.parametrize("of", [("com",), ("capture_point",)])
+def test_a_walk_has_recovered_once_com_and_capture_point_are_at_a_touchdown_where_they_were_before(of):
+    last = followed(steps([0, 0, 0, 0, 0.10, 0.06, 0.03, 0.01, 0.0], push_at=3 * STEP + 0.3, of=of))
     assert (last.survived, last.steps, last.impulse) == (True, 4, (0.0, 5.0))
     assert last.time == pytest.approx(7 * STEP - 3 * STEP - 0.3)
 

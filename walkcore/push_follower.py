@@ -1,17 +1,16 @@
 """Follows what becomes of a push, tick by tick: was it survived, in what time, and in how many steps.
 
-A walk repeats itself every two steps in the place of the capture point
+A walk repeats itself every two steps in the places of the CoM and of the capture point
 
     xi = c + dc / omega
 
 as seen from the foot that has just landed. It has recovered from a push at the touchdown at which
-xi is back where it was before the push, or where it was two steps before, if another velocity is
-asked for meanwhile; no margin may have been given up since the touchdown before. A robot that
-stands has recovered once it rests: its CoM, its CoP and xi lie together.
+both are back where they were before the push, or where they were two steps before, if another
+velocity is asked for meanwhile; no margin may have been given up since the touchdown before. A
+robot that stands has recovered once it rests: its CoM, its CoP and xi lie together.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +18,9 @@ import numpy as np
 from walkcore.gait import Footstep, Phase, Side
 from walkcore.pattern_generator import Status
 from walkcore.snapshot import Snapshot
-from walkcore.values import Vector, rotation
+from walkcore.values import Matrix, Vector, rotation
 
-BACK = 0.02  # [m] of the capture point from where it should be
+BACK = 0.02  # [m] from where they should be
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +79,8 @@ class PushFollower:
     def __init__(self) -> None:
         """No push yet."""
         self.last: FollowedPush | None = None
-        self._landed: dict[Side, Vector] = {}
-        self._landed_before_push: dict[Side, Vector] = {}
+        self._landed: dict[Side, Matrix] = {}  # CoM and capture point in the foot's frame
+        self._landed_before_push: dict[Side, Matrix] = {}
         self._is_relaxed = False
         self._before: Moment | None = None
 
@@ -99,7 +98,7 @@ class PushFollower:
                 self._conclude(survived=True)
         elif stands:
             self._landed.clear()
-            if not is_pushed and not is_relaxed and _is_within(now.capture_point, (now.com, now.cop)):
+            if not is_pushed and not is_relaxed and _rests(now):
                 self._conclude(survived=True)
         if is_pushed:
             self._begin(now, goes_on=was_pushed)
@@ -118,12 +117,12 @@ class PushFollower:
     def _land(self, now: Moment) -> bool:
         """A foot has come to the ground; whether the walk is back."""
         foot = now.support
-        place = rotation(foot.yaw).T @ (now.capture_point - foot.position)
+        places = (np.array([now.com, now.capture_point]) - foot.position) @ rotation(foot.yaw)
         usual = [landed[foot.side] for landed in (self._landed_before_push, self._landed) if foot.side in landed]
-        self._landed[foot.side] = place
+        self._landed[foot.side] = places
         if self.last is not None and self.last.survived is None:
             self.last = replace(self.last, steps=self.last.steps + 1)
-        return any(_is_within(place, (there,)) for there in usual)
+        return any(bool(np.all(np.hypot(*(places - there).T) < BACK)) for there in usual)
 
     def _conclude(self, survived: bool) -> None:
         if self.last is not None and self.last.survived is None and self._before is not None:
@@ -135,5 +134,5 @@ def _has_landed(before: Moment, now: Moment) -> bool:
     return now.support.side is not before.support.side and before.phase is Phase.SINGLE_SUPPORT
 
 
-def _is_within(point: Vector, places: Iterable[Vector]) -> bool:
-    return all(math.dist(point, place) < BACK for place in places)
+def _rests(now: Moment) -> bool:
+    return all(math.dist(now.capture_point, place) < BACK for place in (now.com, now.cop))
