@@ -11,6 +11,7 @@ from app.viewer.scene import Scene
 
 SEE_THROUGH = "see_through"
 DEFAULTS = {name: layer.is_on for name, layer in LAYERS.items()} | {SEE_THROUGH: False}
+RESET = "What was drawn when the server started"
 SWATCH = (
     '<span style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
     '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{}">'
@@ -31,6 +32,19 @@ class ViewTab:
         self._boxes[SEE_THROUGH] = _add_checkbox(
             server, "see-through", "Let the centre of mass show through the robot", False, scene.see_through
         )
+
+        for label, hint, layers in (
+            ("All", "Draw everything", dict.fromkeys(LAYERS, True)),
+            ("Defaults", RESET, DEFAULTS),
+        ):
+            self._add_button(server, label, hint, layers)
+
+    def _add_button(self, server: viser.ViserServer, label: str, hint: str, layers: Mapping[str, bool]) -> None:
+        button = server.gui.add_button(label, hint=hint)
+
+        @button.on_click
+        async def _(_: viser.GuiEvent[Any]) -> None:  # in the loop that draws
+            self.switch(layers)
 
     @property
     def layers(self) -> dict[str, bool]:
