@@ -17,12 +17,13 @@ COPY static static
 RUN /tools/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /wheels . \
     && /tools/bin/pip --python /opt/walk/bin/python install --no-deps --no-index /wheels/*.whl
 
-# Less than half the size: without headers, archives, tests, models of robots that do not walk here,
-# and libraries that a wheel, which holds no links, carries under each of their names.
+# Less than half the size: without headers, archives, tests, models of robots that do not walk here, Arrow's clouds,
+# rays for meshes, and libraries that a wheel, which holds no links, carries under each of their names.
 RUN cd /opt/walk/lib/python3*/site-packages \
     && rm -rf cmeel.prefix/include cmeel.prefix/share/cmake cmeel.prefix/share/doc cmeel.prefix/lib/cmake \
-        cmeel.prefix/lib/*.a pyarrow/include pyarrow/tests \
-    && find scipy -type d -name tests -prune -exec rm -rf {} + \
+        cmeel.prefix/lib/*.a pyarrow/include pyarrow/tests pyarrow/*arrow_flight* pyarrow/_flight* pyarrow/*arrow_s3* \
+        pyarrow/_s3fs* embreex embreex.libs \
+    && find matplotlib numpy scipy -type d -name tests -prune -exec rm -rf {} + \
     && for robot in cmeel.prefix/share/example-robot-data/robots/*; do \
         grep -qr "$(basename "$robot")" walkcore/robots || rm -rf "$robot"; done \
     && cd cmeel.prefix/lib && for a in *.so*; do for b in "${a%%.so*}".so*; do \

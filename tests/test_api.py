@@ -148,6 +148,8 @@ def test_reference_holds_until_another_is_given(api):
         ("POST", "live/speed", '{"factor": NaN}', "factor"),
         ("POST", "live/preview", '{"impulse": [0, 500]}', "impulse"),
         ("POST", "live/preview", '{"impulse": [0, NaN]}', "impulse.1"),
+        ("PATCH", "live/layers", '{"moon": true}', "layers.moon"),
+        ("PATCH", "live/layers", '{"com": 1}', "com"),
         ("PUT", "live/random-pushes", "{}", "strength"),
         ("PUT", "live/random-pushes", '{"strength": 500}', "strength"),
         ("PUT", "live/random-pushes", '{"strength": -1}', "strength"),
@@ -452,11 +454,12 @@ def test_what_became_of_the_last_push_is_told(api):
     api.post("live/reset")
     api.post("live/step", json={"ticks": 100})
     api.post("live/push", json={"impulse": [0.0, 1.0]})
-    assert api.post("live/step").json()["last_push"] == {
+    assert api.post("live/step", json={"ticks": 2}).json()["last_push"] == {
         "t": 0.505,
         "impulse": [0.0, 1.0],
         "survived": True,
         "steps": 0,
+        "time": pytest.approx(0.005),
     }
     api.post("live/push", json={"impulse": [0.0, 60.0]})
     api.post("live/step", json={"ticks": 800})

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from app.figures import make, measures, walks
-from walkcore import Recording
 from walkcore.gait import Footstep, Side
 from walkcore.regions import polygon, sole_vertices
 
@@ -106,23 +105,13 @@ def test_a_mean_over_a_horizon_is_the_mean_of_the_ticks_around(walked):
     assert np.isnan(means[:8]).all() and np.isnan(means[-8:]).all() and np.isfinite(means[8:-8]).all()
 
 
-def test_a_walk_without_a_push_has_nothing_to_recover_from(walked):
-    walk = walked.by_scheme["full"]
-    assert measures.recovery(walk, walk, 0.02).duration == pytest.approx(PERIOD)
-    assert measures.recovery(walk, walk, 0.02).drift == 0.0
-
-
 def test_a_hard_push_moves_the_free_foot_and_the_robot_comes_back_to_its_speed(walked):
-    found = measures.recovery(walked.hard_push, walked.without_push, 0.02)
+    found = measures.push_effect(walked.hard_push, walked.without_push)
     assert found.free_step > 0.05 and found.drift > 0.05
     assert found.free_touchdown == pytest.approx(4.0)
-    later = after(walked.hard_push, 2.4 + found.duration, 1.6)
+    later = walked.hard_push["t"] > 2.4 + found.recovery.time
     gap = np.hypot(*(walked.hard_push[v][later] - walked.without_push[v][later] for v in ("com_vx", "com_vy")))
-    assert gap.max() <= 0.02
-
-
-def after(walk: Recording, start: float, duration: float):
-    return (walk["t"] > start - 1e-6) & (walk["t"] < start + duration - 1e-6)
+    assert gap.max() <= 0.07  # 2 cm of the capture point
 
 
 def test_timed_plans_are_those_of_the_walk():

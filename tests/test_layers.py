@@ -21,7 +21,7 @@ CORE = """
     collisions inscribed step_trial footholds
     snapshot state simulation
     expectations events scenario
-    walk margins steady_walking recovery metrics
+    walk margins steady_walking push_follower recovery metrics
     recording session replay
 """.split()
 SERVER = """

@@ -49,6 +49,22 @@ def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
     assert replayed.run_json() == driven.run_json()
 
 
+def test_what_the_page_tells_of_a_push_is_what_the_metrics_of_the_saved_walk_tell():
+    control = Control(load_robot("hrp2"), Parameters(control_period=0.02), lambda _: None)
+    control.start()
+    control.drive(Drive(Reference(vx=0.2), "rest"))
+    told = {}
+    for tick in range(700):
+        if tick in (300, 500):
+            control.push(Push([0.0, 5.0], 0.1))
+        control.tick()
+        if (push := control.latest.last_push) is not None:
+            told[push.t] = (push.impulse, push.time, push.steps)
+    driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
+    measured = {p["t"]: (p["impulse"], p["time"], p["steps"]) for p in driven.metrics()["pushes"]}
+    assert measured == told and all(steps > 0 for _, _, steps in told.values())
+
+
 def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario():
     control = Control(load_robot("hrp2"), Parameters(), lambda _: None)
     control.drive(Drive(Reference(vx=0.2), "rest"))

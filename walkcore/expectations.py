@@ -19,7 +19,7 @@ METRICS: Mapping[str, str] = MappingProxyType(
         "final_speed": "of the CoM at the last tick [m/s]",
         "recovery_time": "from a push until the walk repeats itself, longest [s]",
         "recovery_steps": "touchdowns in that time, most",
-        "pushes_unrecovered": "pushes after which the walk had not yet repeated itself when something else came",
+        "pushes_unrecovered": "pushes after which another came, or the walk ended or fell, before it repeated itself",
         "com_deviation": "of the CoM from the gait cycle before a push, repeated; largest [m]",
         "com_distance": "horizontal, from the CoM to the support foot, largest [m]",
         "cop_margin": "from the model's CoP to the edge of the support polygon, least; negative outside [m]",

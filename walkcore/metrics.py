@@ -14,7 +14,7 @@ from walkcore.pattern_generator import Status
 from walkcore.recovery import Recovery, recoveries
 from walkcore.steady_walking import SteadyWalk, steady_walks
 from walkcore.values import Vector
-from walkcore.walk import BodyUse, Mask, Walk, heading, points
+from walkcore.walk import BodyUse, Mask, Walk, cop_error, heading, points, ticks_relaxed
 
 
 def metrics(walk: Walk) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def metrics(walk: Walk) -> dict[str, Any]:
         "ticks": len(is_up),
         "duration": len(is_up) * walk.parameters["control_period"],
         "mean_velocity": [float(walk["com_vx"].mean()), float(walk["com_vy"].mean())],
-        "ticks_relaxed": int(np.sum(walk["status"] == Status.RELAXED)),
+        "ticks_relaxed": ticks_relaxed(walk),
         "status_counts": {s.name.lower(): int(np.sum(walk["status"] == s)) for s in Status},
         "has_fallen": not bool(is_up.all()),
         "reason": walk.reason,
@@ -67,16 +67,15 @@ def _recovery(pushes: Sequence[Recovery]) -> dict[str, float | None]:
 
 def _balance(walk: Walk, is_up: Mask) -> dict[str, float | None]:
     """Margins and centres of pressure while the robot is on its feet."""
-    cop, true_cop = points(walk, "cop"), points(walk, "true_cop")
     margins = {
-        "cop_margin": support_margins(walk, cop),
-        "true_cop_margin": support_margins(walk, true_cop),
+        "cop_margin": support_margins(walk, points(walk, "cop")),
+        "true_cop_margin": support_margins(walk, points(walk, "true_cop")),
         "capturability_margin": support_margins(walk, divergent_component(walk)),
     }
     found: dict[str, float | None] = {}
     for name, margin in margins.items():
         found |= {name: _percentile(margin[is_up], 0), f"{name}_p1": _percentile(margin[is_up], 1)}
-    error = np.hypot(*(true_cop - cop).T)[is_up]
+    error = np.hypot(*cop_error(walk).T)[is_up]
     for name, percentile in (("cop_error", 100), ("cop_error_p95", 95), ("cop_error_median", 50)):
         found[name] = _percentile(error, percentile)
     distance = np.hypot(*(points(walk, "com") - points(walk, "support")).T)

@@ -1,27 +1,25 @@
-"""How the robot gets over its pushes, read off the walk alone.
+"""How the robot gets over its pushes, read off the walk alone: followed as the live robot's are."""
 
-It has recovered once the walk repeats itself: for a whole step, the CoM's velocity in the
-heading frame is the one of a gait cycle later. Standing repeats itself too.
-"""
-
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from walkcore.gait import Footstep, Phase, Side
+from walkcore.margins import divergent_component
+from walkcore.pattern_generator import Status
+from walkcore.push_follower import FollowedPush, Moment, PushFollower
 from walkcore.values import Matrix, Vector, rotation
 from walkcore.walk import (
     Walk,
     heading,
-    heading_velocity,
     nb_rows_up,
     nb_ticks_of,
     points,
     push_rows,
     reference_changes,
-    touchdowns,
 )
-
-SAME_VELOCITY = 0.02  # [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +31,7 @@ class Recovery:
     impulse: tuple[float, float]
     """All of it, world frame [N s]."""
     time: float | None
-    """Until the walk repeats itself [s]; None if something else came before, or the walk ended or fell."""
+    """Until the walk repeats itself [s]; None if another push came before, or the walk ended or fell."""
     steps: int | None
     """Touchdowns until then."""
     com_deviation: float | None
@@ -49,40 +47,49 @@ def recoveries(walk: Walk) -> list[Recovery]:
     pushes = [push for push in push_rows(walk) if push[0] < last]
     changes = sorted({0, *reference_changes(walk).tolist(), *(row for push in pushes for row in push)})
     return [
-        _recovery(
-            walk,
-            push,
-            undisturbed_since=max(row for row in changes if row < push[0] or row == 0),
-            until=min((row for row in changes if push[1] < row < last), default=last),
+        Recovery(
+            t=push.t,
+            impulse=push.impulse,
+            time=push.time,
+            steps=push.steps if push.survived else None,
+            com_deviation=_deviation(
+                walk,
+                first,
+                undisturbed_since=max(row for row in changes if row < first or row == 0),
+                until=min((row for row in changes if end < row < last), default=last),
+            ),
         )
-        for push in pushes
+        for (first, end), push in zip(pushes, _followed(walk) if pushes else (), strict=True)
     ]
 
 
-def _recovery(walk: Walk, push: tuple[int, int], undisturbed_since: int, until: int) -> Recovery:
-    first, end = push
-    impulse = points(walk, "push")[first:end].sum(axis=0)
-    calm = _repeats_from(walk, end, until)
-    period = float(walk.parameters["control_period"])
-    return Recovery(
-        t=float(walk["t"][first]),
-        impulse=(float(impulse[0]), float(impulse[1])),
-        time=None if calm is None else (calm - first) * period,
-        steps=None if calm is None else int(np.sum((touchdowns(walk) > first) & (touchdowns(walk) <= calm))),
-        com_deviation=_deviation(walk, first, undisturbed_since, until),
-    )
+def _followed(walk: Walk) -> list[FollowedPush]:
+    """What became of each push."""
+    follower = PushFollower()
+    pushes: dict[float, FollowedPush] = {}
+    for moment in _moments(walk):
+        follower.see(moment)
+        if follower.last is not None:
+            pushes[follower.last.t] = follower.last
+    return list(pushes.values())
 
 
-def _repeats_from(walk: Walk, first: int, until: int) -> int | None:
-    """The first row from which on the walk repeats itself for a step; None if there is none before `until`."""
-    step = nb_ticks_of(walk, walk.parameters["step_duration"])
-    velocity = heading_velocity(walk)[first:until]
-    if len(velocity) < 3 * step:
-        return None
-    differs = np.hypot(*(velocity[2 * step :] - velocity[: -2 * step]).T) > SAME_VELOCITY
-    nb_differing = np.concatenate([[0], np.cumsum(differs)])
-    calm = np.flatnonzero(nb_differing[step:] == nb_differing[:-step])
-    return first + int(calm[0]) if len(calm) else None
+def _moments(walk: Walk) -> Iterator[Moment]:
+    """Of each tick before a fall."""
+    omega = math.sqrt(walk.parameters["gravity"] / walk.parameters["com_height"])
+    push, com, cop, support = (points(walk, name) for name in ("push", "com", "cop", "support"))
+    capture_point = divergent_component(walk) - push / (walk.parameters["mass"] * omega)
+    for k in range(nb_rows_up(walk)):
+        yield Moment(
+            t=float(walk["t"][k]),
+            push=push[k],
+            com=com[k],
+            capture_point=capture_point[k],
+            cop=cop[k],
+            support=Footstep(Side(int(walk["support_side"][k])), support[k], float(walk["support_yaw"][k])),
+            phase=Phase(int(walk["phase"][k])),
+            status=Status(int(walk["status"][k])),
+        )
 
 
 def _deviation(walk: Walk, push: int, undisturbed_since: int, until: int) -> float | None:

@@ -57,6 +57,16 @@ def points(walk: Walk, name: str) -> Matrix:
     return np.column_stack([walk[f"{name}_x"], walk[f"{name}_y"]])
 
 
+def cop_error(walk: Walk) -> Matrix:
+    """True less model CoP [m], shape (ticks, 2); NaN where there is no true one."""
+    return points(walk, "true_cop") - points(walk, "cop")
+
+
+def ticks_relaxed(walk: Walk) -> int:
+    """At which the margin was given up, because the QP had no solution or its plan led to a fall."""
+    return int(np.sum(walk["status"] == Status.RELAXED))
+
+
 def heading(walk: Walk) -> Vector:
     """Mean yaw of the feet [rad], shape (ticks,)."""
     return (walk["left_yaw"] + walk["right_yaw"]) / 2

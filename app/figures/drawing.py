@@ -19,7 +19,7 @@ from walkcore import Recording
 from walkcore.gait import Footstep, Side
 from walkcore.regions import sole_vertices
 from walkcore.values import Vector
-from walkcore.walk import Walk
+from walkcore.walk import Walk, cop_error
 
 WIDTH = 7.4  # [in]
 SPEED_HEIGHT = 2.6  # [in]
@@ -201,7 +201,7 @@ def draw_true_cop(path: Path, formats: tuple[str, ...], title: str, plain: Recor
     """How far the true CoP is from the model's, without and with the filter, and what the paper says it usually is."""
     with figure(path, formats, SPEED_HEIGHT) as axes:
         usual = axes.axhspan(0.0, 100 * measures.USUAL_COP_ERROR, color="#eeeeee", zorder=0, label="“usually” (paper)")
-        distances = [100 * measures.true_cop_distance(recording) for recording in (plain, filtered)]
+        distances = [100 * np.hypot(*cop_error(recording).T) for recording in (plain, filtered)]
         names, colours = ("plain", "with the dynamic filter"), (f"{ink(palette.TRUE_COP)}70", ink(palette.TRUE_COP))
         curves: list[Artist] = []
         for distance, name, colour in zip(distances, names, colours, strict=True):

@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from walkcore import Recording
-from walkcore.pattern_generator import Status
+from walkcore.gait import Phase
+from walkcore.margins import support_margins
+from walkcore.recovery import Recovery, recoveries
 from walkcore.regions import mirrored, polygon
 from walkcore.values import Vector
+from walkcore.walk import points, touchdowns
 
 Mask = NDArray[np.bool_]
 
@@ -63,20 +66,11 @@ def margins_at_samples(recording: Recording) -> Vector:
     """
     p = recording.parameters
     on_grid = recording["tick"] % round(p["sampling_period"] / p["control_period"]) == 0
-    after_single_support = np.concatenate([[False], recording["phase"][:-1] == 2])
+    after_single_support = np.concatenate([[False], recording["phase"][:-1] == Phase.SINGLE_SUPPORT])
     ticks = np.flatnonzero(on_grid & after_single_support)
-    return _margins(recording, ticks, recording["support_side"][ticks - 1])
-
-
-def margins_in_single_support(recording: Recording) -> Vector:
-    """The same distance at every tick of a single support, between the samples too [m]."""
-    ticks = np.flatnonzero(recording["phase"] == 2)
-    return _margins(recording, ticks, recording["support_side"][ticks])
-
-
-def _margins(recording: Recording, ticks: NDArray[np.intp], side: Vector) -> Vector:
-    cop = np.column_stack([recording["cop_x"], recording["cop_y"]])[ticks]
-    sole = np.array(recording.parameters["sole"]["polygon"])
+    carriers = recording["support_side"][ticks - 1]
+    cop = points(recording, "cop")[ticks]
+    sole = np.array(p["sole"]["polygon"])
     margins = np.empty(len(ticks))
     for number, (foot, outline) in enumerate((("left", sole), ("right", mirrored(sole)))):
         x, y, yaw = (recording[f"{foot}_{name}"][ticks] for name in ("x", "y", "yaw"))
@@ -85,8 +79,14 @@ def _margins(recording: Recording, ticks: NDArray[np.intp], side: Vector) -> Vec
         ground = polygon(outline)
         along = local @ ground.normals.T
         room = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
-        margins[side == number] = room[side == number]
+        margins[carriers == number] = room[carriers == number]
     return margins
+
+
+def margins_in_single_support(recording: Recording) -> Vector:
+    """The same distance at every tick of a single support, between the samples too [m]."""
+    margins = support_margins(recording, points(recording, "cop"))
+    return margins[recording["phase"] == Phase.SINGLE_SUPPORT]
 
 
 def time_to_reach(recording: Recording, start: float, fraction: float) -> float:
@@ -126,7 +126,7 @@ def _rms(values: Vector) -> float:
 
 def cop_ahead_of_foot(recording: Recording) -> float:
     """Mean distance of the CoP before the origin of the support foot in steady lateral walk, single support [m]."""
-    mask = steady(recording, *_lateral_moments(recording)) & (recording["phase"] == 2)
+    mask = steady(recording, *_lateral_moments(recording)) & (recording["phase"] == Phase.SINGLE_SUPPORT)
     return float(np.mean((recording["cop_x"] - recording["support_x"])[mask]))
 
 
@@ -173,46 +173,35 @@ def mean_over_horizon(recording: Recording, name: str) -> Vector:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovery:
-    """From the push on."""
+class PushEffect:
+    """What the push does to the sample motion."""
 
-    duration: float
-    """Until the velocity is that of the same walk without the push for a whole gait cycle [s]; NaN if it never is."""
-    nb_steps: int
-    """Touchdowns until then."""
+    recovery: Recovery
     drift: float
-    """To the left of the walk without the push, once recovered [m]."""
+    """To the left of the walk without the push, once recovered, or at the end [m]."""
     free_touchdown: float
     """When the foot on the side to which the push goes lands for the first time [s]."""
     free_step: float
     """How far to the left of the walk without the push it lands [m]."""
 
 
-def recovery(recording: Recording, without_push: Recording, bound: float) -> Recovery:
+def push_effect(recording: Recording, without_push: Recording) -> PushEffect:
     """How the robot gets over the push.
 
     Args:
         recording: of the sample motion.
         without_push: of the same without the push, so that the sway of the gait does not count.
-        bound: on the difference of their velocities [m/s].
     """
-    when, period = moments(recording), float(recording.parameters["control_period"])
-    push, per_cycle = round(when.push / period), round(cycle(recording) / period)
-    end = len(recording.rows)
-    strayed = np.hypot(*(recording[name] - without_push[name] for name in ("com_vx", "com_vy"))) > bound
-    calm_from = push + 1
-    while calm_from <= end - per_cycle and strayed[calm_from : calm_from + per_cycle].any():
-        calm_from += 1
-    has_recovered = calm_from <= end - per_cycle
-
-    touchdowns = np.flatnonzero(np.diff(recording["support_side"]) != 0) + 1
-    to_the_right = recording["push_y"][push] < 0.0
-    free = next(k for k in touchdowns if k > push and recording["support_side"][k] == float(to_the_right))
+    (found,) = recoveries(recording)
+    period = float(recording.parameters["control_period"])
+    push = round(found.t / period)
+    recovered = -1 if found.time is None else push + round(found.time / period)
+    to_the_right = found.impulse[1] < 0.0
+    free = next(k for k in touchdowns(recording) if k > push and recording["support_side"][k] == float(to_the_right))
     beside = {name: recording[name] - without_push[name] for name in ("com_y", "support_y")}
-    return Recovery(
-        duration=(calm_from - push) * period if has_recovered else np.nan,
-        nb_steps=int(np.sum((touchdowns > push) & (touchdowns <= calm_from))),
-        drift=float(beside["com_y"][min(calm_from, end - 1)]),
+    return PushEffect(
+        recovery=found,
+        drift=float(beside["com_y"][recovered]),
         free_touchdown=float(recording["t"][free]),
         free_step=float(beside["support_y"][free]),
     )
@@ -221,18 +210,3 @@ def recovery(recording: Recording, without_push: Recording, bound: float) -> Rec
 def velocity_of_push(recording: Recording) -> float:
     """What the push adds to the velocity of the CoM [m/s]."""
     return float(np.abs(recording["push_y"]).max() / recording.parameters["mass"])
-
-
-def ticks_relaxed(recording: Recording) -> int:
-    """At which the margin was given up, because the QP had no solution or its plan led to a fall."""
-    return int(np.sum(recording["status"] == Status.RELAXED))
-
-
-def true_cop_error(recording: Recording, axis: str) -> Vector:
-    """True less model CoP along "x" or "y" [m], shape (ticks,); NaN where there is no true one."""
-    return recording[f"true_cop_{axis}"] - recording[f"cop_{axis}"]
-
-
-def true_cop_distance(recording: Recording) -> Vector:
-    """From the model's CoP to the true one [m], shape (ticks,); NaN where there is no true one."""
-    return np.hypot(true_cop_error(recording, "x"), true_cop_error(recording, "y"))

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.live.last_push import PushFollower
 from app.live.pace import Pace
 from app.live.random_pushes import RandomPusher
 from app.live.session import SessionLog
 from app.live.state import Counts, LiveState, RandomPushes
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.pattern_generator import Status
+from walkcore.push_follower import PushFollower, moment_of
 from walkcore.stages import Stopwatch
 
 logger = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ class Control:
         self._drive, self._driven_at = NOBODY, 0.0
         self._push: Push | None = None
         self._pusher: RandomPusher | None = None
-        self._follower = PushFollower(parameters.gravity)
+        self._robot, self._follower = robot, PushFollower()
         self._log = SessionLog(self._simulation)
         self._log.begin()
         first = self._simulation.step()
@@ -153,7 +153,7 @@ class Control:
     def reset(self) -> LiveState:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         self._drive, self._push = NOBODY, None
-        self._follower = PushFollower(self.parameters.gravity)
+        self._follower = PushFollower()
         self._log.reset()
         self._simulation.reset()
         self._pace.forget_real_t()
@@ -204,7 +204,7 @@ class Control:
         snapshot = self._simulation.step(command)
         self._pace.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
-        self._follower.see(snapshot)
+        self._follower.see(moment_of(snapshot, self._robot.mass, self.parameters.gravity))
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,

@@ -4,20 +4,7 @@ from dataclasses import dataclass
 
 from app.live.pace import Timing
 from walkcore import Snapshot
-
-
-@dataclass(frozen=True, slots=True)
-class LastPush:
-    """What became of the last push."""
-
-    t: float
-    """When it began [s]."""
-    impulse: tuple[float, float]
-    """All of it so far, world frame [N s]."""
-    survived: bool | None
-    """None while nobody knows yet."""
-    steps: int
-    """Touchdowns since it began, until the walk was again as it was before."""
+from walkcore.push_follower import FollowedPush
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +48,7 @@ class LiveState:
     real_t: float = 0.0
     """Time that passed on the wall while the robot was running, since its reset [s]."""
     counts: Counts = Counts()
-    last_push: LastPush | None = None
+    last_push: FollowedPush | None = None
+    """What became of it."""
     random_pushes: RandomPushes | None = None
     """None while there are none."""

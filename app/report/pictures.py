@@ -13,7 +13,7 @@ from walkcore.gait import Side
 from walkcore.margins import divergent_component, support_margins
 from walkcore.pattern_generator import Status
 from walkcore.values import Vector
-from walkcore.walk import heading_velocity, points, push_rows, reference_changes
+from walkcore.walk import cop_error, heading_velocity, points, push_rows, reference_changes
 
 HIGHEST = 7.0  # [in] of the view from above
 PUSH_LENGTH = 0.015  # [m per N s] of an arrow
@@ -89,7 +89,7 @@ def draw_capturability(path: Path, runs: Sequence[LoadedRun], names: Sequence[st
 def draw_cop_error(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> None:
     """From the model's CoP to the true one."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
-        errors = [100 * np.hypot(*(points(run, "true_cop") - points(run, "cop")).T) for run in runs]
+        errors = [100 * np.hypot(*cop_error(run).T) for run in runs]
         for run, name, error, colour in zip(runs, names, errors, _colours(runs, palette.TRUE_COP), strict=True):
             axes.plot(run["t"], error, color=colour, linewidth=0.9, label=name)
         finite = np.concatenate(errors)

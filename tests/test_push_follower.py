@@ -1,0 +1,123 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from walkcore import Command, Push, Reference, Simulation, load_robot
+from walkcore.gait import Footstep, Phase, Side
+from walkcore.pattern_generator import Status
+from walkcore.push_follower import Moment, PushFollower, moment_of
+
+STEP = 0.8  # [s]
+NOTHING = np.zeros(2)
+
+
+def steps(offsets, push_at=math.nan, statuses=(), of=("com", "capture_point")):
+    """A walk sideways in steps, three moments each; these points are so far off their places [m] at the touchdowns."""
+    for k, offset in enumerate(offsets):
+        side = Side(k % 2)
+        foot = Footstep(side, np.array([0.2 * k, side.sign * 0.1]), 0.0)
+        landing = Moment(
+            t=k * STEP,
+            push=NOTHING,
+            com=foot.position + [0.0, offset * ("com" in of)],
+            capture_point=foot.position + [0.1, -side.sign * 0.1 + offset * ("capture_point" in of)],
+            cop=foot.position,
+            support=foot,
+            phase=Phase.DOUBLE_SUPPORT,
+            status=Status(statuses[k]) if k < len(statuses) else Status.SOLVED,
+        )
+        swinging = replace(landing, phase=Phase.SINGLE_SUPPORT)
+        for moment in (landing, replace(swinging, t=landing.t + 0.3), replace(swinging, t=landing.t + 0.6)):
+            is_pushed = math.isclose(moment.t, push_at)
+            yield replace(moment, push=np.array([0.0, 5.0])) if is_pushed else moment
+
+
+def followed(moments):
+    follower = PushFollower()
+    for moment in moments:
+        follower.see(moment)
+    return follower.last
+
+
+@pytest.mark.parametrize("of", [("com",), ("capture_point",)])
+def test_a_walk_has_recovered_once_com_and_capture_point_are_at_a_touchdown_where_they_were_before(of):
+    last = followed(steps([0, 0, 0, 0, 0.10, 0.06, 0.03, 0.01, 0.0], push_at=3 * STEP + 0.3, of=of))
+    assert (last.survived, last.steps, last.impulse) == (True, 4, (0.0, 5.0))
+    assert last.time == pytest.approx(7 * STEP - 3 * STEP - 0.3)
+
+
+def test_a_walk_to_elsewhere_has_recovered_once_it_repeats_itself():
+    last = followed(steps([0, 0, 0, 0, 0.10, 0.06, 0.05, 0.05, 0.05], push_at=3 * STEP + 0.3))
+    assert (last.survived, last.steps) == (True, 4)
+
+
+def test_a_touchdown_at_the_tick_of_the_push_is_before_it():
+    last = followed(steps([0, 0, 0, 0, 0], push_at=3 * STEP))
+    assert (last.survived, last.steps, last.time) == (True, 1, pytest.approx(STEP))
+
+
+def test_a_step_on_which_margin_was_given_up_is_no_recovery():
+    last = followed(steps([0] * 7, push_at=2 * STEP + 0.3, statuses=[0, 0, 0, 1, 0, 0]))
+    assert (last.survived, last.steps) == (True, 3)
+
+
+def test_who_falls_has_not_survived():
+    last = followed(steps([0, 0, 0, 0.1, 0.2, 0.3], push_at=2 * STEP + 0.3, statuses=[0, 0, 0, 0, 1, 2]))
+    assert (last.survived, last.time) == (False, None)
+
+
+def standing(t, com, capture_point, cop, push=0.0, status=Status.SOLVED):
+    along = [np.array([x, 0.0]) for x in (push, com, capture_point, cop)]
+    return Moment(t, *along, Footstep(Side.LEFT, NOTHING, 0.0), Phase.STANDING, status)
+
+
+def test_a_robot_that_stands_has_recovered_once_it_rests_wherever_that_is():
+    story = [
+        standing(0.0, 0.0, 0.0, 0.0, push=5.0),
+        standing(0.1, 0.0, 0.10, 0.10),  # it moves on
+        standing(0.2, 0.10, 0.10, 0.14),  # it turns back
+        standing(0.3, 0.06, 0.06, 0.06, status=Status.RELAXED),
+        standing(0.4, 0.06, 0.06, 0.06),
+        standing(0.5, 0.06, 0.06, 0.06),
+    ]
+    assert [followed(story[: k + 1]).survived for k in range(5)] == [None] * 5
+    last = followed(story)
+    assert (last.survived, last.steps, last.time) == (True, 0, 0.5)
+
+
+def test_a_long_push_is_judged_when_it_is_over():
+    rest = [standing(0.1 * k, 0.0, 0.0, 0.0, push=1.0 if k < 3 else 0.0) for k in range(5)]
+    assert followed(rest[:3]).survived is None
+    assert followed(rest).impulse == (3.0, 0.0) and followed(rest).time == pytest.approx(0.3)
+
+
+def test_a_touchdown_during_a_long_push_is_no_recovery():
+    moments = [
+        replace(moment, push=np.array([1.0, 0.0])) if 0.5 < moment.t / STEP - 2 < 1.5 else moment
+        for moment in steps([0] * 6)
+    ]
+    last = followed(moments)
+    assert (last.survived, last.steps) == (True, 2)
+
+
+def test_the_capture_point_of_a_moment_is_that_before_its_push():
+    simulation = Simulation(load_robot("hrp2"))
+    for _ in range(10):
+        simulation.step(Command(Reference(vx=0.2)))
+    found = [moment_of(simulation.preview(Command(push=push)), 56.0, 9.81) for push in (None, Push([0.0, 8.0]))]
+    assert found[1].push.tolist() == [0.0, 8.0]
+    assert found[1].capture_point == pytest.approx(found[0].capture_point, abs=1e-12)
+
+
+def test_another_push_leaves_the_first_one_open():
+    moments = list(steps([0, 0, 0.1, 0.1, 0, 0], push_at=STEP + 0.3))
+    moments[7] = replace(moments[7], push=np.array([1.0, 0.0]))
+    follower, seen = PushFollower(), {}
+    for moment in moments:
+        follower.see(moment)
+        if follower.last is not None:
+            seen[follower.last.t] = follower.last
+    first, second = seen.values()
+    assert first.survived is None and second.survived is True
