@@ -1,4 +1,4 @@
-"""Growth of a tick and of a drawn frame with the browsers that look; `clients.py --out DIR` writes clients.json and .svg.
+"""How a tick and a drawn frame grow with the browsers that look: `clients.py --out DIR` measures and draws it.
 
 Ticks and frames are of two runs: a served robot with `deadlines.py`, and drawing alone with `viewer.py`.
 """
