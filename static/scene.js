@@ -128,9 +128,9 @@ function letGoOnBlur(inner) {
   for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
     inner.addEventListener(type, () => (isDown = type === "pointerdown"), { capture: true });
   }
-  inner.addEventListener(
-    "blur",
-    () => isDown && inner.document.body.dispatchEvent(new inner.KeyboardEvent("keydown", Escape)),
-    { capture: true },
-  );
+  const letGo = ({ target }) => {
+    if (!isDown || target !== inner) return; // a control that loses the focus is none of ours
+    inner.document.body.dispatchEvent(new inner.KeyboardEvent("keydown", Escape));
+  };
+  inner.addEventListener("blur", letGo, { capture: true });
 }

@@ -77,6 +77,10 @@ def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_or_a_lost_fo
         time.sleep(1.0)
         assert api.get("live").json()["last_push"]["t"] == before["t"]
     assert_panel_covers_nothing(page)
+    for name in ("View", "Plots"):
+        tab = page.frame_locator("[data-testid=viewer]").get_by_role("tab", name=name)
+        tab.click(timeout=1e3 * PATIENCE)
+        expect(tab).to_have_attribute("aria-selected", "true", timeout=1e3 * PATIENCE)
 
 
 BOXES = """[...document.querySelectorAll('[data-dock-region], [data-engine], .mantine-Paper-root')]
