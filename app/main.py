@@ -12,7 +12,7 @@ from app.live.runner import Runner
 from app.metrics import LiveMetrics
 from app.origin import SameOriginMiddleware
 from app.proxy import viewer_router
-from app.routes import live, runs, service, sockets
+from app.routes import layers, live, runs, service, sockets
 from app.routes.signin import signin_router
 from app.runs import Limits, Runs
 from app.settings import Settings
@@ -51,6 +51,7 @@ def create_app(settings: Settings) -> FastAPI:
 
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner = runner
+    app.state.viewer = viewer
     app.state.runs = scripted
     app.state.nb_streams = 0
     app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
@@ -63,6 +64,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     for routes in (
         live.router,
+        layers.router,
         sockets.router,
         runs.router,
         service.router,

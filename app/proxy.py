@@ -1,7 +1,8 @@
 """viser behind our own port: its page at `/viewer/`, its websocket at `/viewer`.
 
 viser's client opens the websocket at its page's address without the trailing slash, or
-where the page's `websocket` parameter says: `/viewer/light` draws less.
+where the page's `websocket` parameter says: `/viewer/light` draws less, and `client` names the
+page, so that it can be told whose sliders drive.
 It has no authentication and takes any Origin, so it listens on the loopback only, and
 `app.origin` refuses foreign pages before they come here.
 """
@@ -14,9 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlencode
 
 import viser
-from fastapi import APIRouter, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
@@ -26,6 +29,8 @@ CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 RECEIVE_BUFFER = 16 * 1024  # bytes; what waits here for a slow browser cannot be overtaken by newer poses
 GOODBYE = 0.2  # [s] viser's answer to a close is waited for; behind poses that nobody takes it never comes
 TRY_AGAIN_LATER = 1013
+
+Client = Annotated[str, Query(max_length=64)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +67,12 @@ def viewer_router(port: Callable[[], int]) -> APIRouter:
         return _client_page().answer(request)
 
     @router.websocket("/viewer")
-    async def scene(browser: WebSocket) -> None:
-        await _lead(browser, port(), "/")
+    async def scene(browser: WebSocket, client: Client = "") -> None:
+        await _lead(browser, port(), f"/?{urlencode({'client': client})}")
 
     @router.websocket("/viewer/light")
-    async def light_scene(browser: WebSocket) -> None:
-        await _lead(browser, port(), LIGHT_PATH)
+    async def light_scene(browser: WebSocket, client: Client = "") -> None:
+        await _lead(browser, port(), f"{LIGHT_PATH}?{urlencode({'client': client})}")
 
     return router
 

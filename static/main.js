@@ -62,7 +62,7 @@ const gamepads = new Gamepads({
 });
 const gamepadDialog = new GamepadDialog(gamepads);
 gamepadDialog.plugged(null);
-const scene = new Scene({ onLoad: (inner) => keyboard.attach(inner) });
+const scene = new Scene({ client: teleop.client, onLoad: (inner) => keyboard.attach(inner) });
 
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);

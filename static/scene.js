@@ -10,11 +10,13 @@ const VIEWS = {
   tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
   low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
 };
+const ICONS = ["Commands", "Settings of the view"]; // in the head of viser's panel
 const LIGHT_PIXELS = 0.6; // of the screen's own, along each side
 
 export class Scene {
-  /** @param {{onLoad: (window: Window) => void}} options, called each time the frame has loaded */
-  constructor({ onLoad }) {
+  /** @param {{client: string, onLoad: (window: Window) => void}} options: whose page, and what to call each time the frame has loaded */
+  constructor({ client, onLoad }) {
+    this.client = client;
     this.frame = document.getElementById("viewer");
     this.toggle = document.getElementById("panel");
     this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
@@ -23,6 +25,9 @@ export class Scene {
     this.frame.addEventListener("load", () => {
       this.dress();
       this.makeRoom();
+      nameControls(this.frame.contentWindow);
+      keepArrows(this.frame.contentDocument);
+      letGoOnBlur(this.frame.contentWindow);
       this.watch();
       onLoad(this.frame.contentWindow);
     });
@@ -34,13 +39,13 @@ export class Scene {
   load() {
     const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
     const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
+    const isLight = this.look === "light";
+    const socket = `${location.origin.replace("http", "ws")}/viewer${isLight ? "/light" : ""}`;
+    query.set("websocket", `${socket}?client=${this.client}`);
     if (dark.matches) query.set("darkMode", "");
-    if (this.look === "light") {
-      query.set("fixedDpr", LIGHT_PIXELS);
-      query.set("websocket", `${location.origin.replace("http", "ws")}/viewer/light`);
-    }
+    if (isLight) query.set("fixedDpr", LIGHT_PIXELS);
     this.frame.dataset.look = this.look;
-    document.body.classList.toggle("is-light", this.look === "light");
+    document.body.classList.toggle("is-light", isLight);
     this.frame.src = `/viewer/?${query}`;
   }
 
@@ -95,4 +100,37 @@ export class Scene {
     document.body.classList.toggle("has-panel", isShown);
     this.frame.contentDocument?.documentElement.classList.toggle("no-panel", !isShown);
   }
+}
+
+/** viser's sliders and icons have no names of their own: those of a row get its label's. */
+function nameControls({ document, MutationObserver }) {
+  const name = () => {
+    for (const label of document.querySelectorAll("p > label")) {
+      const row = label.parentElement.parentElement.parentElement;
+      for (const control of row.querySelectorAll("[role=slider], input")) control.ariaLabel ||= label.textContent;
+    }
+    document.querySelectorAll(".mantine-ActionIcon-root").forEach((icon, i) => (icon.ariaLabel ||= ICONS[i] ?? ""));
+  };
+  new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
+}
+
+/** The arrow keys of a slider are for viser those of the camera, too. */
+function keepArrows(document) {
+  document.body.addEventListener("keydown", (event) => {
+    if (event.key.startsWith("Arrow") && event.target.matches("[role=slider], input")) event.stopPropagation();
+  });
+}
+
+/** A window that loses the focus is for viser a hand that lets go, which would push the robot: Escape comes first. */
+function letGoOnBlur(inner) {
+  const Escape = { key: "Escape", code: "Escape", bubbles: true };
+  let isDown = false;
+  for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
+    inner.addEventListener(type, () => (isDown = type === "pointerdown"), { capture: true });
+  }
+  inner.addEventListener(
+    "blur",
+    () => isDown && inner.document.body.dispatchEvent(new inner.KeyboardEvent("keydown", Escape)),
+    { capture: true },
+  );
 }

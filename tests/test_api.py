@@ -148,6 +148,8 @@ def test_reference_holds_until_another_is_given(api):
         ("POST", "live/speed", '{"factor": NaN}', "factor"),
         ("POST", "live/preview", '{"impulse": [0, 500]}', "impulse"),
         ("POST", "live/preview", '{"impulse": [0, NaN]}', "impulse.1"),
+        ("PATCH", "live/layers", '{"moon": true}', "layers.moon"),
+        ("PATCH", "live/layers", '{"com": 1}', "com"),
         ("PUT", "live/random-pushes", "{}", "strength"),
         ("PUT", "live/random-pushes", '{"strength": 500}', "strength"),
         ("PUT", "live/random-pushes", '{"strength": -1}', "strength"),

@@ -46,9 +46,10 @@ def test_held_hand_drives_again_when_nobody_else_does(runner, monkeypatch):
 def test_held_hand_does_not_take_the_robot_back_from_a_reference_that_is_held(runner):
     one = Hand(runner, "one")
     one.steer(FORWARD, "gamepad", grip=1)
-    runner.drive(BACK, "rest")
-    one.steer(FORWARD, "gamepad", grip=1)
-    assert runner.helm == ("rest", "")
+    for driver, client in (("rest", ""), ("sliders", "one")):  # the sliders of the same browser, too
+        runner.drive(BACK, driver, client=client)
+        one.steer(FORWARD, "gamepad", grip=1)
+        assert runner.helm == (driver, client)
 
 
 def test_message_without_a_grip_always_takes_hold(runner):

@@ -11,6 +11,7 @@ from websockets.sync.client import connect
 
 from app.viewer.light_clients import LIGHT_PATH, spare_light_clients
 from app.viewer.scene import add_key_light
+from app.viewer.visitors import Visitors
 
 CAMERA = _messages.ViewerCameraMessage(
     (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.7, 0.1, 10.0, 100, 100, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -45,4 +46,18 @@ def own_suns(server: viser.ViserServer, path: str) -> list[bool]:
 
 def test_only_light_clients_are_spared_the_shadows(server):
     assert own_suns(server, "/") == []
-    assert own_suns(server, LIGHT_PATH) == [False]
+    assert own_suns(server, f"{LIGHT_PATH}?client=mine") == [False]
+
+
+def test_scene_tells_which_page_it_belongs_to_until_it_is_gone(server):
+    visitors = Visitors(server)
+    seen: list[str] = []
+    server.on_client_connect(lambda client: seen.append(visitors.page(client)))
+    own_suns(server, "/?client=mine")
+    assert seen == ["mine"]
+    end = time.monotonic() + PATIENCE
+    while visitors.is_here("mine"):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    own_suns(server, "/")
+    assert seen == ["mine", ""]

@@ -1,5 +1,6 @@
 """What the scene says of a walk is true of it."""
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +21,7 @@ from app.viewer.method_tab import MethodTab
 from app.viewer.plots_tab import _row
 from app.viewer.robot_mesh import BodyPart, _closed
 from app.viewer.scene import Scene
+from app.viewer.view_tab import DEFAULTS, ViewTab
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.gait import Phase
 from walkcore.pattern_generator import Status
@@ -93,6 +95,18 @@ def test_hidden_layers_are_not_sent_and_shown_ones_are(server):
     drawn = {message.get("name", "") for message in scene.stream.changes(0)}
     for layer in set(LAYERS) - {"push", "trails", "preview"}:  # the two are drawn with each point
         assert [name for name in drawn if name.startswith(f"/w/{layer}/")], layer
+
+
+def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_switches(server):
+    scene = Scene(server, load_robot("hrp2"), LIGHT)
+    tab = ViewTab(server, scene)
+    assert tab.layers == DEFAULTS
+    tab.switch({"capture_point": True, "robot": False})
+    wait_until = time.monotonic() + 10.0
+    while "robot" in scene._shown and time.monotonic() < wait_until:
+        time.sleep(0.01)
+    assert scene._shown == {name for name, is_on in tab.layers.items() if is_on}
+    assert scene._shown ^ {name for name, is_on in DEFAULTS.items() if is_on} == {"capture_point", "robot"}
 
 
 def test_previews_are_what_comes_to_be():

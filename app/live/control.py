@@ -218,7 +218,7 @@ class Control:
     def _next_push(self) -> Push | None:
         """The push that was asked for, else a random one where one is due."""
         push, self._push = self._push, None
-        if push is None and self._pusher is not None and self.latest.snapshot.status is not Status.FALLEN:
+        if push is None and self._pusher is not None:
             push = self._pusher.at_next_tick()
         return push
 

@@ -20,6 +20,7 @@ class Hand:
         """A hand that has not taken hold yet."""
         self._runner, self._client = runner, client
         self._grip = -1
+        self._driver = NOBODY.driver
 
     def steer(self, reference: Reference, driver: str, grip: int | None) -> None:
         """Ask for a velocity, clamped to the limits.
@@ -33,7 +34,7 @@ class Hand:
             InvalidValueError: for what cannot be clamped.
         """
         if self._has_hold(grip):
-            robot = self._runner.robot
+            robot, self._driver = self._runner.robot, driver
             self._runner.drive(robot.clamped_reference(reference), driver, EXPIRES, self._client)
 
     def push(self, push: Push) -> None:
@@ -50,7 +51,7 @@ class Hand:
         is_new = grip > self._grip
         self._grip = max(grip, self._grip)
         driver, client = self._runner.helm
-        return is_new or driver == NOBODY.driver or client == self._client
+        return is_new or driver == NOBODY.driver or (driver, client) == (self._driver, self._client)
 
 
 def _clamped(push: Push, max_push: float) -> Push:

@@ -6,6 +6,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.live.runner import Runner
+from app.viewer import Viewer
 
 
 def _runner(connection: HTTPConnection) -> Runner:
@@ -13,3 +14,10 @@ def _runner(connection: HTTPConnection) -> Runner:
 
 
 LiveRunner = Annotated[Runner, Depends(_runner)]
+
+
+def _viewer(connection: HTTPConnection) -> Viewer:
+    return connection.app.state.viewer
+
+
+LiveViewer = Annotated[Viewer, Depends(_viewer)]

@@ -5,6 +5,7 @@ from typing import Any
 import viser
 
 from app.live.runner import LiveState, Runner
+from app.viewer.visitors import Visitors
 from walkcore import Reference
 
 DRIVER = "sliders"
@@ -21,9 +22,10 @@ class DriveTab:
     def __init__(self, server: viser.ViserServer, runner: Runner) -> None:
         """Make the controls."""
         self._runner = runner
+        self._visitors = Visitors(server)
         self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
         zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
-        zero.on_click(lambda _: self._drive(Reference()))
+        zero.on_click(lambda event: self._drive(Reference(), event))
         server.gui.add_markdown("Drag the robot's body to push it; Esc lets go.")
 
     def _add_slider(self, server: viser.ViserServer, name: str) -> viser.GuiSliderHandle[float]:
@@ -44,17 +46,21 @@ class DriveTab:
         @slider.on_update
         def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # not from `follow`
-                self._drive(Reference(**{key: float(handle.value) for key, handle in self._sliders.items()}))
+                self._drive(Reference(**{key: float(handle.value) for key, handle in self._sliders.items()}), event)
 
         return slider
 
-    def _drive(self, reference: Reference) -> None:
+    def _drive(self, reference: Reference, event: viser.GuiEvent[Any]) -> None:
+        page = "" if event.client is None else self._visitors.page(event.client)
         # A client may send any value, whatever range its slider shows.
-        self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER)
+        self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
 
     def follow(self, state: LiveState) -> None:
-        """Let the sliders show what another driver asks for."""
-        if state.driver == DRIVER:
+        """Let the sliders show what another driver asks for, and tell when the one who set them is gone."""
+        driver, client = self._runner.helm
+        if driver == DRIVER:
+            if client and not self._visitors.is_here(client):
+                self._runner.drive(state.snapshot.reference, DRIVER)
             return
         for name, slider in self._sliders.items():
             value = round(getattr(state.snapshot.reference, name), 2)

@@ -3,6 +3,7 @@
 import viser
 
 from app.viewer.scene import add_key_light
+from app.viewer.visitors import address_of
 
 LIGHT_PATH = "/light"
 
@@ -12,6 +13,5 @@ def spare_light_clients(server: viser.ViserServer) -> None:
 
     @server.on_client_connect
     def _(client: viser.ClientHandle) -> None:
-        connection = server._websock_server._live_connections.get(client.client_id)
-        if connection is not None and connection.request is not None and connection.request.path == LIGHT_PATH:
+        if address_of(server, client).path == LIGHT_PATH:
             add_key_light(client.scene, has_shadows=False)

@@ -8,7 +8,7 @@ from app.viewer.method_tab import MethodTab
 from app.viewer.plots_tab import PlotsTab
 from app.viewer.scene import Scene
 from app.viewer.system_tab import SystemTab
-from app.viewer.view_tab import add_view_tab
+from app.viewer.view_tab import ViewTab
 
 FRAMES_PER_UPDATE = 6  # five a second
 
@@ -28,7 +28,7 @@ class Panel:
         with tabs.add_tab("Drive"):
             self._drive = DriveTab(server, runner)
         with tabs.add_tab("View"):
-            add_view_tab(server, scene)
+            self.view = ViewTab(server, scene)
         with tabs.add_tab("Method"):
             self._method = MethodTab(server, runner)
         with tabs.add_tab("Plots"):

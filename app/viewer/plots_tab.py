@@ -19,7 +19,7 @@ from walkcore.values import rotation
 
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
-HEIGHT = 118  # pixels
+HEIGHT = 128  # pixels
 
 Columns = tuple[NDArray[np.float32], ...]
 
@@ -42,15 +42,15 @@ class Line:
 COP_LINES = (
     Line("CoP", COP_TRAIL),
     Line("true", TRUE_COP),
-    Line("bounds", SUPPORT, is_dashed=True),
-    Line("", SUPPORT, is_dashed=True),
+    Line("from", SUPPORT, is_dashed=True),
+    Line("to", SUPPORT, is_dashed=True),
 )
 PLOTS = {
     "CoM velocity [m/s]": (
         Line("forward", COM),
         Line("asked", REFERENCE, is_dashed=True),
         Line("left", CAPTURE),
-        Line("", REFERENCE, is_dashed=True),
+        Line("asked", REFERENCE, is_dashed=True),
     ),
     "CoP forward of the support foot [m]": COP_LINES,
     "CoP left of the support foot [m]": COP_LINES,

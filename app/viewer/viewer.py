@@ -8,6 +8,7 @@ import contextlib
 import io
 import logging
 import time
+from collections.abc import Mapping
 from concurrent.futures import Future
 
 import viser
@@ -19,6 +20,8 @@ from app.viewer.grab import Grab
 from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
 from app.viewer.scene import Look, Scene
+from app.viewer.view_tab import DEFAULTS
+from walkcore.errors import InvalidValueError
 
 logger = logging.getLogger(__name__)
 
@@ -59,6 +62,27 @@ class Viewer:
     def port(self) -> int:
         """On which viser listens, on the loopback."""
         return self._server.get_port()
+
+    @property
+    def layers(self) -> dict[str, bool]:
+        """Which layers are drawn, for all who look."""
+        return self._panel.view.layers
+
+    def switch(self, layers: Mapping[str, bool]) -> Future[dict[str, bool]]:
+        """Draw layers or hide them; tells all of them.
+
+        Raises:
+            InvalidValueError: if there is no such layer.
+        """
+        for name, is_shown in layers.items():
+            if name not in DEFAULTS:
+                raise InvalidValueError(f"layers.{name}", is_shown, f"must be one of {', '.join(DEFAULTS)}")
+
+        async def switch() -> dict[str, bool]:
+            self._panel.view.switch(layers)
+            return self.layers
+
+        return asyncio.run_coroutine_threadsafe(switch(), self._loop)
 
     def start(self) -> None:
         """Begin to draw, in viser's own event loop: what its callbacks change needs no lock."""
