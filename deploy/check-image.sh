@@ -28,13 +28,17 @@ build_base() {
     buildah $STORE commit --quiet --rm "$container" "$BASE" >/dev/null
 }
 
-# This machine's settings of pip as one file, and the local folders that they name; certificates beside them.
+# This machine's settings of pip as one file, and the certificates and local folders that they name.
 volumes() {
     python3 -m pip config list >"$WORK/pip.list"
     { echo '[global]'; sed -n "s/^\(global\|:env:\)\.\(cert\|index-url\|extra-index-url\|find-links\|timeout\)='\(.*\)'$/\2 = \3/p" \
         "$WORK/pip.list" | sort -u -t= -k1,1; } >"$WORK/pip.conf"
     echo "--volume $WORK/pip.conf:/etc/pip.conf:ro"
-    [ -d /etc/ssl/certs ] && echo "--volume /etc/ssl/certs:/etc/ssl/certs:ro"
+    cert=$(sed -n 's/^cert = //p' "$WORK/pip.conf")
+    if [ -n "$cert" ]; then  # in a place of its own: Debian's certificates are installed during the build
+        sed -i 's,^cert = .*,cert = /etc/pip.crt,' "$WORK/pip.conf"
+        echo "--volume $cert:/etc/pip.crt:ro"
+    fi
     sed -n 's/^\(extra-index-url\|index-url\|find-links\) = //p' "$WORK/pip.conf" | tr ' ' '\n' \
         | sed 's,^file://\(.*\)/[^/]*$,\1,' | sort -u \
         | while read -r path; do if [ -d "$path" ]; then echo "--volume $path:$path:ro"; fi; done

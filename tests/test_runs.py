@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 import pytest
 from conftest import WALK, Server, start_server
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.formats import FORMATS, write_run
@@ -445,6 +445,8 @@ plain = st.recursive(
     ),
     value=plain,
 )
+@example(path=("name",), value="\ud800")
+@example(path=("name",), value="x" * 1001)
 def test_whatever_stands_in_a_scenario_is_taken_or_refused(path, value):
     scenario = json.loads(json.dumps(SHORT))
     place = scenario
@@ -457,4 +459,4 @@ def test_whatever_stands_in_a_scenario_is_taken_or_refused(path, value):
         assert error.field and error.limit
     else:
         assert checked.nb_ticks <= Limits().ticks and np.isfinite(checked.duration)
-        json.dumps(scenario, allow_nan=False)
+        assert json.dumps(scenario, allow_nan=False, ensure_ascii=False).encode() and len(checked.name) <= 1000

@@ -81,15 +81,17 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     """
     path = Path(name_or_path)
     if str(name_or_path) in scenario_names():
-        text = (SCENARIOS / f"{name_or_path}.yaml").read_text(encoding="utf-8")
+        file = SCENARIOS / f"{name_or_path}.yaml"
     elif path.is_file():
-        text = path.read_text(encoding="utf-8")
+        file = path
     else:
         raise UnknownNameError("scenario", str(name_or_path), scenario_names())
     try:
-        return scenario_from_mapping(yaml.load(text, Loader=_Loader))  # noqa: S506 (a SafeLoader)
-    except yaml.YAMLError as error:
-        raise InvalidValueError("scenario", str(name_or_path), f"is not YAML: {error}") from error
+        data = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 (a SafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # not UTF-8, no such date, nested too deeply
+        why = " ".join(str(error).split())
+        raise InvalidValueError("scenario", str(name_or_path), f"is not YAML: {why}") from error
+    return scenario_from_mapping(data)
 
 
 def scenario_from_mapping(data: Any) -> Scenario:
