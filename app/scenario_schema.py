@@ -126,6 +126,9 @@ class GaitBody(Part):
     first_support: Literal["left", "right"]
     start: int | None = Field(ge=0, le=MAX_TICK, description="Sample at which the first step began; null to stand.")
     nb_steps: int | None = Field(ge=1, le=MAX_TICK, description="Steps until the feet are side by side; null: walk on.")
+    step_duration: FiniteFloat = Field(
+        default=cast(float, None), gt=0.0, description="Of the step under way [s]; if left out, that of the parameters."
+    )
 
 
 class PushLeft(Part):

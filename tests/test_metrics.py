@@ -22,6 +22,13 @@ PUSHED = {
     "events": [{"t": 0.5, "reference": {"vx": 0.2}}, {"t": 6.0, "push": {"impulse": [0.0, 4.0]}}],
 }
 
+PACED = {
+    "robot": "hrp2",
+    "duration": 14.4,
+    "parameters": {"control_period": DT},
+    "events": [{"t": 0.0, "reference": {"vx": 0.2}}, {"t": 6.7, "parameters": {"step_duration": 0.6}}],
+}
+
 
 @dataclass
 class Made:
@@ -85,6 +92,12 @@ def test_mean_velocity_is_over_whole_cycles_in_the_heading_frame_after_one_to_se
     assert steady.cycles == 2 and steady.end - steady.start == pytest.approx(3.2)
     assert steady.mean_velocity == pytest.approx((0.3, 0.0, 0.0), abs=1e-12)
     assert steady.velocity_error == pytest.approx(0.05)
+
+
+def test_cycles_are_as_long_as_the_steps_take_at_the_time():
+    found = steady_walks(record(scenario_from_mapping(PACED)))
+    assert [(s.cycles, s.end - s.start) for s in found] == [(3, pytest.approx(4.8)), (4, pytest.approx(4.8))]
+    assert all(s.velocity_error < 0.01 for s in found)
 
 
 def test_a_change_of_the_reference_and_a_push_begin_anew():

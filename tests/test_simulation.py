@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from walkcore.gait import Footstep, Phase, Side
 from walkcore.pattern_generator import Status
 from walkcore.recording import row
 from walkcore.regions import sole_vertices
+from walkcore.state import state_from_mapping
 
 HRP2 = load_robot("hrp2")
 
@@ -220,6 +222,30 @@ def test_schemes_and_weights_change_while_the_robot_walks():
     ):
         simulation.change(simulation.parameters.changed(change))
         assert walk(simulation, 2.0, Reference(vx=0.2))[-1].status is Status.SOLVED
+
+
+@pytest.mark.parametrize("duration", [0.5, 0.6, 1.2])
+def test_steps_take_another_time_from_the_next_one_on(duration):
+    simulation = Simulation(HRP2)
+    seen = walk(simulation, 3.1, Reference(vx=0.2))  # in the middle of a step
+    simulation.change(simulation.parameters.changed({"step_duration": duration}))
+    seen += walk(simulation, 5.0, Reference(vx=0.2))
+    landed = [now.t for now, after in pairwise(seen) if now.support.side is not after.support.side and now.t > 1.0]
+    assert np.diff(landed) == pytest.approx([0.8] * 2 + [duration] * (len(landed) - 3))
+    assert all(snapshot.status is Status.SOLVED for snapshot in seen)
+    heights = np.array([[foot.height for foot in snapshot.feet.values()] for snapshot in seen])
+    assert np.abs(np.diff(heights, axis=0)).max() < 0.005  # 1 m/s: no foot jumps
+
+
+def test_a_state_knows_how_long_the_step_under_way_takes():
+    one, other = Simulation(HRP2), Simulation(HRP2, Parameters(step_duration=0.6))
+    walk(one, 3.1, Reference(vx=0.2))
+    one.change(one.parameters.changed({"step_duration": 0.6}))
+    mapping = one.state.to_mapping()
+    assert mapping["gait"]["step_duration"] == 0.8
+    other.restore(state_from_mapping(mapping, HRP2, other.parameters))
+    for here, there in zip(walk(one, 2.0, Reference(vx=0.2)), walk(other, 2.0, Reference(vx=0.2)), strict=True):
+        assert str(row(here)) == str(row(there))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,8 @@ def drive(simulation, nb_ticks, seed=0):
             reference = Reference(rng.uniform(-0.1, 0.3), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
         push = Push(rng.uniform(-4.0, 4.0, 2), rng.uniform(0.0, 0.1)) if rng.random() < 0.01 else None
         if rng.random() < 0.01:
-            changes[i] = simulation.parameters.changed({"alpha": float(10 ** rng.uniform(-6, -4))})
+            knobs = {"alpha": float(10 ** rng.uniform(-6, -4)), "step_duration": float(rng.choice([0.6, 0.8, 1.0]))}
+            changes[i] = simulation.parameters.changed(knobs)
             simulation.change(changes[i])
         commands.append(Command(reference, push))
         snapshots.append(simulation.step(commands[-1]))

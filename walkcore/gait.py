@@ -182,6 +182,24 @@ class Gait:
         steps_left = None if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
         return _stepping(self.parameters, self.ticks_into_step(tick), steps_left)
 
+    def going_on_with(self, parameters: Parameters, tick: int) -> "Gait":
+        """The same gait with other parameters; the step under way at a tick keeps its duration.
+
+        Raises:
+            InvalidValueError: if that and the other parameters do not go together.
+        """
+        if self.step(tick) >= 0:
+            parameters = replace(parameters, step_duration=self.parameters.step_duration)
+        return replace(self, parameters=parameters)
+
+    def at_next_step(self, parameters: Parameters, tick: int) -> "Gait":
+        """The same gait with other parameters where a step begins at a tick, else itself."""
+        step = self.step(tick)
+        if step < 0 or self.ticks_into_step(tick) != 0 or self.parameters == parameters:
+            return self
+        start, steps_left = tick // parameters.ticks_per_sample, self.nb_steps and self.nb_steps - step
+        return Gait(parameters, self.support_side(tick), start, steps_left)
+
     def choices(self, tick: int, wants_to_walk: bool, first_support: Side) -> "tuple[Gait, ...]":
         """What the robot might do from here on, in the order in which it would rather do it.
 

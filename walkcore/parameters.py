@@ -144,7 +144,7 @@ class Parameters:
         Raises:
             InvalidValueError: for the first one that a walk has to begin with.
         """
-        for name in ("control_period", "sampling_period", "step_duration", "com_height", "gravity"):
+        for name in ("control_period", "sampling_period", "com_height", "gravity"):
             if getattr(new, name) != getattr(self, name):
                 raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
         return new

@@ -15,10 +15,11 @@ from walkcore.walk import (
     Walk,
     heading,
     nb_rows_up,
-    nb_ticks_of,
+    nb_ticks_of_step,
     points,
     push_rows,
     reference_changes,
+    timing_changes,
 )
 
 
@@ -45,7 +46,8 @@ def recoveries(walk: Walk) -> list[Recovery]:
     """One for each push, in the order of time."""
     last = nb_rows_up(walk)
     pushes = [push for push in push_rows(walk) if push[0] < last]
-    changes = sorted({0, *reference_changes(walk).tolist(), *(row for push in pushes for row in push)})
+    asked = np.concatenate([reference_changes(walk), timing_changes(walk)])
+    changes = sorted({0, *asked.tolist(), *(row for push in pushes for row in push)})
     return [
         Recovery(
             t=push.t,
@@ -93,7 +95,7 @@ def _moments(walk: Walk) -> Iterator[Moment]:
 
 
 def _deviation(walk: Walk, push: int, undisturbed_since: int, until: int) -> float | None:
-    step = nb_ticks_of(walk, walk.parameters["step_duration"])
+    step = nb_ticks_of_step(walk, push)
     if push - undisturbed_since < 3 * step:
         return None
     com = points(walk, "com")

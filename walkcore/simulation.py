@@ -57,15 +57,15 @@ class Simulation:
         self.reset()
 
     def change(self, parameters: Parameters) -> None:
-        """Walk on with other parameters.
+        """Walk on with other parameters; a step under way keeps its duration.
 
         Raises:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
         generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages)
+        self._gait = self._gait.going_on_with(parameters, self._tick)
         self.parameters, self._generator = parameters, generator
-        self._gait = replace(self._gait, parameters=parameters)
 
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
@@ -104,7 +104,7 @@ class Simulation:
         """
         if self.body is not None and (state.q is None or state.q_before is None):
             raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
-        self._tick, self._gait = state.tick, replace(state.gait, parameters=self.parameters)
+        self._tick, self._gait = state.tick, state.gait.going_on_with(self.parameters, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
         self._offset = state.com_offset
@@ -290,8 +290,9 @@ class Simulation:
             height = 0.0 if has_landed else swing_height(self._gait.swing_progress(tick + 1), p.swing_height)
             self._feet[side] = replace(foot, height=height)
         self._com = self._com.integrated(plan.jerks[0], p.control_period)
-        if self._gait.has_ended(tick + 1):
-            self._gait = Gait(p, self._gait.support_side(tick + 1))
+        ended = self._gait.has_ended(tick + 1)
+        support = self._gait.support_side(tick + 1)
+        self._gait = Gait(p, support) if ended else self._gait.at_next_step(p, tick + 1)
         self._stages.lap("swing_foot")
 
     def _next_offset(self, plan: Plan) -> Offset:

@@ -61,6 +61,7 @@ class SimulationState:
                 "first_support": self.gait.first_support.name.lower(),
                 "start": None if self.gait.start is None else int(self.gait.start),
                 "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
+                "step_duration": self.gait.parameters.step_duration,
             },
             "com": _plain(self.com, COM),
             "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
@@ -147,7 +148,8 @@ def _foot(where: str, data: Any) -> FootState:
 
 def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
     where = "initial_state.gait"
-    values = _complete(where, data, ("first_support", "start", "nb_steps"))
+    timing = {"step_duration": parameters.step_duration}
+    values = _complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
     sides = {side.name.lower(): side for side in Side}
     side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
     if side not in ("left", "right"):
@@ -158,10 +160,18 @@ def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
         check_whole(f"{where}.nb_steps", nb_steps, 1, MAX_TICK)
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
-    gait = Gait(parameters, sides[side], start, nb_steps)
+    gait = Gait(_timed(parameters, values["step_duration"]), sides[side], start, nb_steps)
     if gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait
+
+
+def _timed(parameters: Parameters, step_duration: Any) -> Parameters:
+    """The parameters of a step under way, which keeps its duration when another one is asked for."""
+    try:
+        return parameters.changed({"step_duration": step_duration})
+    except InvalidValueError as error:
+        raise InvalidValueError(f"initial_state.gait.{error.field}", error.value, error.limit) from error
 
 
 def _pushes(data: Any, robot: Robot) -> tuple[PushUnderWay, ...]:

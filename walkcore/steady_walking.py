@@ -12,9 +12,10 @@ from walkcore.walk import (
     heading,
     heading_velocity,
     nb_rows_up,
-    nb_ticks_of,
+    nb_ticks_of_step,
     push_rows,
     reference_changes,
+    timing_changes,
 )
 
 
@@ -45,11 +46,11 @@ class SteadyWalk:
 
 def steady_walks(walk: Walk) -> list[SteadyWalk]:
     """Those of a walk, in the order of time."""
-    cycle = nb_ticks_of(walk, 2 * walk.parameters["step_duration"])
     velocity, yaw, t = heading_velocity(walk), heading(walk), walk["t"]
     vx, vy, yaw_rate = (walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate"))
     found: list[SteadyWalk] = []
     for first, end in _stretches(walk):
+        cycle = 2 * nb_ticks_of_step(walk, first)
         nb_cycles = (end - first) // cycle - 1
         if nb_cycles < 1:
             continue
@@ -73,7 +74,8 @@ def _stretches(walk: Walk) -> Iterator[tuple[int, int]]:
     is_stepping = walk["phase"] != Phase.STANDING
     turns = np.flatnonzero(np.diff(is_stepping)) + 1
     last = nb_rows_up(walk) - 1
-    bounds = sorted({0, last, *reference_changes(walk).tolist(), *turns.tolist(), *(min(row, last) for row in pushes)})
+    changes = np.concatenate([reference_changes(walk), timing_changes(walk), turns])
+    bounds = sorted({0, last, *changes.tolist(), *(min(row, last) for row in pushes)})
     for first, end in pairwise(bounds):
         if is_stepping[first] and end <= last:
             yield first, end

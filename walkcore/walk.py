@@ -103,6 +103,25 @@ def push_rows(walk: Walk) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
+def nb_ticks_of_step(walk: Walk, row: int) -> int:
+    """Ticks of the step under way at a row: a walk may change the duration of its steps."""
+    begun, durations = _steps(walk)
+    return nb_ticks_of(walk, float(durations[np.searchsorted(begun, row, side="right") - 1]))
+
+
+def timing_changes(walk: Walk) -> NDArray[np.intp]:
+    """Rows at which a step begins that takes another time than the one before."""
+    begun, durations = _steps(walk)
+    return begun[1:][~np.isclose(np.diff(durations), 0.0)]
+
+
+def _steps(walk: Walk) -> tuple[NDArray[np.intp], Vector]:
+    """First row of each step but the first, which is told to begin at row 0, and how long they take [s]."""
+    left = walk["time_to_touchdown"]
+    begun = np.flatnonzero(np.diff(left) > 0.0) + 1
+    return np.append(0, begun), np.append(float(walk.parameters["step_duration"]), left[begun])
+
+
 def reference_changes(walk: Walk) -> NDArray[np.intp]:
     """Rows at which the reference is not that of the row before."""
     asked = np.column_stack([walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate")])

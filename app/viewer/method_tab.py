@@ -41,6 +41,7 @@ NUMBERS = {
     "cop_tracking": Number("κ CoP", "Weight of the distance from the CoP to the middle of the foot in (11)"),
     "foothold_weight": Number("κ foot", "Weight of moving the planned footholds, in the scheme that may move them"),
     "horizon_samples": Number("N", "Samples of the horizon, T = 0.1 s apart: must reach beyond a step", int),
+    "step_duration": Number("t step [s]", "Duration of a step, in whole T, from the next one on"),
     "cop_margin": Number("margin [m]", "Of the CoP from the edges of the sole, in (28)"),
     "swing_height": Number("h foot [m]", "Highest point of the sole in the air"),
 }
@@ -148,6 +149,6 @@ def _fixed(p: Parameters) -> str:
     """What holds for the whole walk."""
     height = "the robot's own" if p.com_height is None else f"{p.com_height:g} m"
     return (
-        f"For the whole walk: T {p.sampling_period:g} s, tick {p.control_period:g} s, step {p.step_duration:g} s "
-        f"of which {p.double_support_duration:g} s on both feet, CoM height {height}, g {p.gravity:g} m/s²."
+        f"For the whole walk: T {p.sampling_period:g} s, of which each step begins with one on both feet, "
+        f"tick {p.control_period:g} s, CoM height {height}, g {p.gravity:g} m/s²."
     )
