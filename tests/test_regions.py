@@ -9,7 +9,7 @@ from walkcore.gait import Footstep, Side
 from walkcore.regions import box, foothold_vertices, polygon, sole_vertices
 from walkcore.robot import load_robot
 
-coordinates = st.floats(-1.0, 1.0)
+coordinates = st.integers(-1000, 1000).map(lambda millimetres: millimetres / 1000.0)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8)
 yaws = st.floats(-np.pi, np.pi)
 
