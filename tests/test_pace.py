@@ -36,9 +36,16 @@ def starts(pace: Pace, clock: Clock, durations: list[float]) -> list[float]:
 
 def test_ticks_keep_the_period_and_catch_up_after_a_short_delay(clock):
     pace = Pace(0.005, clock)
-    times = starts(pace, clock, [0.002, 0.002, 0.018, 0.002, 0.002, 0.002, 0.002, 0.002, 0.002])
-    assert times == pytest.approx([0.0, 0.005, 0.010, 0.028, 0.030, 0.032, 0.034, 0.036, 0.040])
-    assert pace.timing.misses == 3 and pace.timing.tick_ms_max == pytest.approx(18.0)
+    times = starts(pace, clock, [0.002, 0.002, 0.009, 0.002, 0.002, 0.002])
+    assert times == pytest.approx([0.0, 0.005, 0.010, 0.019, 0.021, 0.025])
+    assert pace.timing.misses == 0 and pace.timing.tick_ms_max == pytest.approx(9.0)
+
+
+def test_a_long_delay_makes_one_tick_late_and_moves_the_schedule(clock):
+    pace = Pace(0.005, clock)
+    times = starts(pace, clock, [0.002, 0.002, 0.018, 0.002, 0.002, 0.002])
+    assert times == pytest.approx([0.0, 0.005, 0.010, 0.028, 0.033, 0.038])
+    assert pace.timing.misses == 1 and pace.timing.real_time_factor == pytest.approx(25 / 38)
 
 
 def test_every_late_tick_is_counted_by_how_late_it_started(clock):
@@ -46,11 +53,11 @@ def test_every_late_tick_is_counted_by_how_late_it_started(clock):
     starts(pace, clock, [0.002, 0.0065, 0.012, 0.002, 0.002, 0.002, 0.070, 0.002])
     timing = pace.timing
     assert timing.ticks == 8
-    # 1.5 ms after the second tick; 8.5, 5.5 and 2.5 ms in a row after the third; 65 ms after the seventh
-    assert timing.lateness == (3, 2, 2, 1)
-    assert [timing.later_than(edge) for edge in (0.001, 0.005, 0.05)] == [5, 3, 1]
+    # 1.5 ms after the second tick, 8.5 after the third, 65 after the seventh
+    assert timing.lateness == (5, 1, 1, 1)
+    assert [timing.later_than(edge) for edge in (0.001, 0.005, 0.05)] == [3, 2, 1]
     assert timing.lateness_max == pytest.approx(0.065)
-    assert timing.lateness_sum == pytest.approx(0.0015 + 0.0085 + 0.0055 + 0.0025 + 0.065)
+    assert timing.lateness_sum == pytest.approx(0.0015 + 0.0085 + 0.065)
 
 
 def test_far_behind_the_schedule_moves_and_the_factor_tells(clock):

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-MAX_LATENESS = 0.05  # [s] caught up with at most; beyond it the schedule moves and simulated time slows
+MAX_LATENESS = 0.005  # [s] caught up with at most; beyond it the schedule moves: one late tick, not a burst of them
 FACTOR_WINDOW = 5.0  # [s] over which the real-time factor is taken
 SMOOTHING = 0.02  # weight of the latest tick in the smoothed means
 LATENESS_EDGES = (0.001, 0.005, 0.05)  # [s] of the counts of late ticks
@@ -78,7 +78,7 @@ class Pace:
         return self._due - self._clock()
 
     def begin(self) -> None:
-        """A tick starts now. Far behind, the schedule moves; no tick is skipped."""
+        """A tick starts now. Far behind, the schedule moves and simulated time slows; no tick is skipped."""
         now = self._clock()
         late = max(now - self._due, 0.0)
         self._ticks += 1
