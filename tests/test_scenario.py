@@ -52,6 +52,7 @@ def test_two_pushes_at_one_time_are_both_given():
         ({"events": [{"t": 0.0, "push": {}}]}, "events[0].push.impulse"),
         ({"parameters": {"alpha": -1.0}}, "alpha"),
         ({"name": 3}, "name"),
+        ({"description": "\ud800"}, "description"),
     ],
 )
 def test_a_wrong_scenario_is_refused_with_its_field(change, field):

@@ -17,7 +17,7 @@ from walkcore.parameters import Parameters
 from walkcore.regions import inset_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.state import SimulationState, state_from_mapping
-from walkcore.values import check_keys, check_mapping, check_range
+from walkcore.values import check_keys, check_mapping, check_range, check_text
 
 SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
@@ -104,8 +104,7 @@ def scenario_from_mapping(data: Any) -> Scenario:
     data = check_mapping("scenario", data)
     check_keys("scenario", data, KEYS)
     for key in ("name", "description"):
-        if not isinstance(data.get(key, ""), str):
-            raise InvalidValueError(key, data[key], "must be text")
+        check_text(key, data.get(key, ""))
     robot = load_robot(str(data.get("robot", "talos")))  # what is no name at all is told as an unknown one
     values = check_mapping("parameters", _given(data, "parameters", {}))
     parameters = _fitting(Parameters.from_mapping(values), robot)

@@ -80,6 +80,21 @@ def check_vector(field: str, value: object, size: int, low: float = -math.inf, h
     return read_only([check_range(f"{field}[{i}]", component, low, high) for i, component in components])
 
 
+def check_text(field: str, value: object) -> str:
+    """`value`, if it is text that a file can hold.
+
+    Raises:
+        InvalidValueError: if it is not.
+    """
+    if not isinstance(value, str):
+        raise InvalidValueError(field, value, "must be text")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise InvalidValueError(field, value, "must be Unicode without lone surrogates") from error
+    return value
+
+
 def check_mapping(field: str, value: object) -> dict[str, Any]:
     """`value` as a dictionary with text for keys, if it is a mapping.
 
