@@ -38,6 +38,9 @@ JOIN_SECONDS = 4.0  # that the one more is watched, and the others meanwhile
 class Replay:
     """In place of the runner: a walk that was recorded before, over and over."""
 
+    helm = ("rest", "")
+    """Who drives, and from which browser."""
+
     def __init__(self) -> None:
         self.robot, self.parameters = load_robot("talos"), Parameters(dynamic_filter=True)
         simulation = Simulation(self.robot, self.parameters)
