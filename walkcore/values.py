@@ -91,7 +91,7 @@ def check_text(field: str, value: object) -> str:
     try:
         value.encode()
     except UnicodeEncodeError as error:
-        raise InvalidValueError(field, value, "must be Unicode without lone surrogates") from error
+        raise InvalidValueError(field, ascii(value), "must be Unicode without lone surrogates") from error
     return value
 
 

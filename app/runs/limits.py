@@ -6,7 +6,7 @@ from typing import Any
 
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.scenario import Scenario, scenario_from_mapping
-from walkcore.values import check_range
+from walkcore.values import check_range, check_text
 
 MAX_NESTING = 16  # lists and mappings within each other; a scenario has five
 MAX_TEXT = 1000  # characters of a name
@@ -76,7 +76,4 @@ def _items(value: Any) -> list[Any]:
 def _check_text(text: str) -> None:
     if len(text) > MAX_TEXT:
         raise InvalidValueError("text", text[:20] + "...", f"must be at most {MAX_TEXT} characters")
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise InvalidValueError("text", ascii(text), "must be Unicode without lone surrogates") from error
+    check_text("text", text)
