@@ -49,7 +49,8 @@ def carriers(snapshot: Snapshot, parameters: Parameters) -> list[tuple[Footstep,
     feet = (snapshot.support, *plan.footholds)
     for k, foot in enumerate(plan.footholds, start=1):
         ends = k == snapshot.steps_to_stand
-        count = nb_samples if ends else parameters.samples_per_step
+        # The last one carries all that is left, also where the step under way is longer than those to come.
+        count = nb_samples if k == len(plan.footholds) else parameters.samples_per_step
         result += [(foot, feet[k - 1]) if ends else (foot,)] * count
     return result[:nb_samples]
 

@@ -342,3 +342,13 @@ def test_preview_of_a_push_on_a_standing_robot_tells_what_comes_of_it(server, im
     came = [simulation.step(command), *(simulation.step() for _ in range(400))]
     assert is_caught(robot, answer, parameters) is (came[-1].status is not Status.FALLEN)
     assert (verdict == "stands") is all(snapshot.phase is Phase.STANDING for snapshot in came)
+
+
+def test_every_sample_is_carried_while_the_steps_become_shorter():
+    simulation = Simulation(load_robot("hrp2"))
+    for tick in range(900):
+        if tick == 620:  # in the middle of a step, which keeps its duration
+            simulation.change(simulation.parameters.changed({"step_duration": 0.4}))
+        snapshot = simulation.step(Command(Reference(vx=0.1)))
+        assert snapshot.plan is not None
+        assert len(carriers(snapshot, simulation.parameters)) == len(snapshot.plan.times)
