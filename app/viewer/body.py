@@ -1,7 +1,7 @@
 """The robot itself: its meshes where Pinocchio's forward kinematics puts them, or a point mass on two legs."""
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
@@ -10,6 +10,7 @@ import viser
 from viser import _messages
 
 from app.palette import COM, FALLEN, LEFT_FOOT, RIGHT_FOOT, Colour, mixed
+from app.viewer.joints import joint_of
 from app.viewer.robot_mesh import BodyPart, body_parts
 from app.viewer.shapes import plate
 from app.viewer.stream import Stream
@@ -52,46 +53,27 @@ class BodyDrawing:
 
     def __init__(self, server: viser.ViserServer, root: str, body: BodyModel, face_ratio: float) -> None:
         """Load and send the meshes once."""
-        self._model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
-        self._data = self._model.createData()
+        model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
         self._parts: dict[str, Colour] = {}
         self._opacity: dict[str, float | None] = {}
-        feet = {self._model.frames[self._model.getFrameId(body.sole(side))].parentJoint for side in Side}
+        feet = {model.frames[model.getFrameId(body.sole(side))].parentJoint for side in Side}
         self._has_fallen = False
-        parts = body_parts(body, self._model, face_ratio)
-        self._joints = self._add_joints(server, root, {part.joint for part in parts})
+        parts = body_parts(body, model, face_ratio)
+        joints = _add_joints(server, root, model, {part.joint for part in parts})
+        self._joints = {name: joint_of(model, joint) for joint, name in joints.items()}
         self.meshes: list[viser.MeshHandle] = []
         for index, part in enumerate(parts):
-            name = f"{self._joints[part.joint]}/{index}"
+            name = f"{joints[part.joint]}/{index}"
             self._parts[name], self._opacity[name] = part.colour, FEET if part.joint in feet else None
             self.meshes.append(_add_part(server, name, part, self._opacity[name]))
-
-    def _add_joints(self, server: viser.ViserServer, root: str, seen: set[int]) -> dict[int, str]:
-        """A frame for each joint that moves something to be seen, within that of its parent joint.
-
-        So a revolute joint only turns, and its place in the parent's frame need not be sent.
-        """
-        parents = list(self._model.parents)
-        chains = {joint for last in seen for joint in _ancestry(parents, last)}
-        names = {0: root}
-        for joint in sorted(chains):  # parents come first in Pinocchio
-            names[joint] = f"{names[parents[joint]]}/j{joint}"
-            server.scene.add_frame(
-                names[joint], show_axes=False, position=tuple(self._model.jointPlacements[joint].translation)
-            )
-        self._sliding = {j for j in chains if not self._model.joints[j].shortname().startswith("JointModelR")}
-        return {joint: names[joint] for joint in sorted(chains)}
 
     def update(self, stream: Stream, snapshot: Snapshot) -> None:
         """Put every link where forward kinematics says."""
         if snapshot.q is None:
             return
-        pin.forwardKinematics(self._model, self._data, snapshot.q)
-        for joint, name in self._joints.items():
-            x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.liMi[joint]).tolist()
-            stream.orientation(name, (qw, qx, qy, qz))
-            if joint in self._sliding:
-                stream.position(name, (x, y, z))
+        q: list[float] = snapshot.q.tolist()
+        for node, joint in self._joints.items():
+            joint.move(stream, node, q)
         has_fallen = snapshot.status is Status.FALLEN
         if has_fallen is not self._has_fallen:
             self._has_fallen = has_fallen
@@ -102,6 +84,20 @@ class BodyDrawing:
         """Make the meshes translucent, or solid again."""
         for name, solid in self._opacity.items():
             stream.properties(name, opacity=SEE_THROUGH if is_see_through else solid, cast_shadow=not is_see_through)
+
+
+def _add_joints(server: viser.ViserServer, root: str, model: Any, seen: set[int]) -> dict[int, str]:
+    """A frame for each joint that moves something to be seen, within that of its parent joint.
+
+    So a revolute joint only turns, and its place in the parent's frame need not be sent.
+    """
+    parents = list(model.parents)
+    chains = {joint for last in seen for joint in _ancestry(parents, last)}
+    names = {0: root}
+    for joint in sorted(chains):  # parents come first in Pinocchio
+        names[joint] = f"{names[parents[joint]]}/j{joint}"
+        server.scene.add_frame(names[joint], show_axes=False, position=tuple(model.jointPlacements[joint].translation))
+    return {joint: names[joint] for joint in sorted(chains)}
 
 
 def _add_part(server: viser.ViserServer, name: str, part: BodyPart, opacity: float | None) -> viser.MeshHandle:

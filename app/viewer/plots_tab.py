@@ -105,16 +105,13 @@ class PlotsTab:
 
 def _row(robot: Robot, snapshot: Snapshot) -> list[float]:
     """The values of all plots but the last one, in their order."""
-    asked = snapshot.reference
-    forward, left = rotation(snapshot.heading).T @ snapshot.com.velocity
-    foot = snapshot.support
-    to_foot = rotation(foot.yaw).T
-    cop = to_foot @ (snapshot.cop - foot.position)
-    true_cop = cop if snapshot.true_cop is None else to_foot @ (snapshot.true_cop - foot.position)
+    asked, foot = snapshot.reference, snapshot.support
+    forward, left = (snapshot.com.velocity @ rotation(snapshot.heading)).tolist()
     feet = [foot]
     if snapshot.phase is not Phase.SINGLE_SUPPORT:
         feet = [Footstep(side, state.position, state.yaw) for side, state in snapshot.feet.items()]
-    corners = np.vstack([sole_vertices(robot.sole, each) - foot.position for each in feet]) @ to_foot.T
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    along = [value for i in range(2) for value in (cop[i], true_cop[i], low[i], high[i])]
-    return [forward, asked.vx, left, asked.vy, *along]
+    true_cop = snapshot.cop if snapshot.true_cop is None else snapshot.true_cop
+    places = [snapshot.cop, true_cop, *(sole_vertices(robot.sole, each) for each in feet)]
+    cop, true_cop, *corners = ((np.vstack(places) - foot.position) @ rotation(foot.yaw)).tolist()
+    along = [(cop[i], true_cop[i], min(each := [corner[i] for corner in corners]), max(each)) for i in range(2)]
+    return [forward, asked.vx, left, asked.vy, *along[0], *along[1]]

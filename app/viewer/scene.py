@@ -7,7 +7,6 @@ So the camera follows the robot while the user's orbit of it stays free.
 import math
 from dataclasses import dataclass
 
-import numpy as np
 import viser
 
 from app.palette import GRID_CELL, GRID_SECTION, GROUND
@@ -50,7 +49,7 @@ class Scene:
         """Make every node."""
         self.stream = Stream()
         self._shown = {name for name, layer in LAYERS.items() if layer.is_on}
-        self._middle = np.full(2, np.inf)
+        self._middle = (math.inf, math.inf)
         self._last_tick = 0
         self._pushes = PushWatch(robot.mass)
         _illuminate(server, look)
@@ -119,12 +118,15 @@ class Scene:
 
     def _scroll(self, snapshot: Snapshot, elapsed: float) -> None:
         """Keep the robot in the middle, and the grid below it: whole sections at a time, so that it never ends."""
-        robot = snapshot.com.position
-        if not np.hypot(*(robot - self._middle)) < FARTHEST_BEHIND:
-            self._middle = np.array(robot)
-        self._middle += (robot - self._middle) * (1.0 - np.exp(-elapsed / FOLLOW_TIME))
-        self.stream.position(WORLD, (*-self._middle, 0.0))
-        self.stream.position(f"{WORLD}/ground", (*np.round(self._middle / SECTION) * SECTION, GRID_HEIGHT))
+        robot, (x, y) = snapshot.com.position.tolist(), self._middle
+        if not math.dist(robot, (x, y)) < FARTHEST_BEHIND:
+            x, y = robot
+        share = 1.0 - math.exp(-elapsed / FOLLOW_TIME)
+        x, y = self._middle = (x + share * (robot[0] - x), y + share * (robot[1] - y))
+        self.stream.position(WORLD, (-x, -y, 0.0))
+        self.stream.position(
+            f"{WORLD}/ground", (SECTION * round(x / SECTION), SECTION * round(y / SECTION), GRID_HEIGHT)
+        )
 
 
 def _lay_ground(server: viser.ViserServer) -> None:
