@@ -1,13 +1,12 @@
 """Websockets of the robot that walks on the page: snapshots out, joystick in. Latest value wins on both."""
 
 import asyncio
-import json
 import secrets
 import time
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
-import msgpack
+import msgspec
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
@@ -49,9 +48,9 @@ async def stream(
 
 async def _send(socket: WebSocket, snapshot: dict[str, Any], format: str) -> None:
     if format == "msgpack":
-        await socket.send_bytes(msgpack.packb(snapshot))  # pyright: ignore[reportArgumentType]  # never None
+        await socket.send_bytes(msgspec.msgpack.encode(snapshot))
     else:
-        await socket.send_text(json.dumps(snapshot, separators=(",", ":")))
+        await socket.send_text(msgspec.json.encode(snapshot).decode())
 
 
 @router.websocket("/teleop")
