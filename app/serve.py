@@ -10,7 +10,7 @@ from app.settings import Settings
 
 SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
-SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a thread for the tick that is due
+SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long answer for a frame that is due
 GRACE = 1  # [s] for open connections when the server stops
 
 

@@ -1,4 +1,4 @@
-"""What the routes find in the application."""
+"""What the routes find in the application; by coroutines, since FastAPI takes a thread for each plain function."""
 
 from typing import Annotated
 
@@ -9,14 +9,14 @@ from app.live.runner import Runner
 from app.viewer import Viewer
 
 
-def _runner(connection: HTTPConnection) -> Runner:
+async def _runner(connection: HTTPConnection) -> Runner:
     return connection.app.state.runner
 
 
 LiveRunner = Annotated[Runner, Depends(_runner)]
 
 
-def _viewer(connection: HTTPConnection) -> Viewer:
+async def _viewer(connection: HTTPConnection) -> Viewer:
     return connection.app.state.viewer
 
 

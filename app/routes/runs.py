@@ -31,7 +31,7 @@ router = APIRouter(
 )
 
 
-def _runs(request: Request) -> Runs:
+async def _runs(request: Request) -> Runs:
     return request.app.state.runs
 
 
