@@ -54,7 +54,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.viewer = viewer
     app.state.runs = scripted
     app.state.nb_streams = 0
-    app.state.metrics = LiveMetrics(runner, lambda: app.state.nb_streams)
+    app.state.metrics = LiveMetrics(
+        runner, lambda: app.state.nb_streams, lambda: (viewer.cost.count, viewer.cost.seconds)
+    )
     errors.install(app)
     app.add_middleware(SameOriginMiddleware)
     if settings.walk_token.get_secret_value():

@@ -4,7 +4,13 @@ from collections.abc import Callable, Iterator
 
 import psutil
 from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+    SummaryMetricFamily,
+)
 from prometheus_client.registry import Collector
 
 from app.live.pace import LATENESS_EDGES, Timing
@@ -17,9 +23,9 @@ SERVER = psutil.Process()
 class LiveMetrics(Collector):
     """Reads the latest state whenever it is asked."""
 
-    def __init__(self, runner: Runner, nb_clients: Callable[[], int]) -> None:
-        """Of a runner, and of so many open streams."""
-        self._runner, self._nb_clients = runner, nb_clients
+    def __init__(self, runner: Runner, nb_clients: Callable[[], int], frames: Callable[[], tuple[int, float]]) -> None:
+        """Of a runner, of so many open streams, and of so many drawn frames that took so many seconds."""
+        self._runner, self._nb_clients, self._frames = runner, nb_clients, frames
         self._registry = CollectorRegistry()
         self._registry.register(self)
 
@@ -33,24 +39,41 @@ class LiveMetrics(Collector):
         yield from _of_ticks(state.timing)
         yield from _of_walk(state)
         yield GaugeMetricFamily("walk_clients", "Open streams of the live snapshot.", self._nb_clients())
-        memory = GaugeMetricFamily("walk_memory_bytes", "Resident memory.", labels=["process"])
-        for process, bytes_ in memory_of(self._runner).items():
-            memory.add_metric([process], bytes_)
-        yield memory
+        count, seconds = self._frames()
+        yield SummaryMetricFamily(
+            "walk_frame_seconds", "Processor time of a drawn frame, for all who look.", count, seconds
+        )
+        yield from _of_processes(self._runner)
 
     def describe(self) -> list[Metric]:
         """Nothing before the first question: the robot may not stand yet."""
         return []
 
 
-def memory_of(runner: Runner) -> dict[str, int]:
+def memory_of(runner: Runner) -> dict[str, float]:
     """Resident memory of the server and of its control process, while that lives [bytes]."""
-    memory = {"server": SERVER.memory_info().rss}
+    return _asked(runner, lambda process: process.memory_info().rss)
+
+
+def _of_processes(runner: Runner) -> Iterator[Metric]:
+    memory = GaugeMetricFamily("walk_memory_bytes", "Resident memory.", labels=["process"])
+    for name, size in memory_of(runner).items():
+        memory.add_metric([name], size)
+    yield memory
+    time = CounterMetricFamily("walk_cpu_seconds", "Processor time.", labels=["process"])
+    for name, seconds in _asked(runner, lambda process: sum(process.cpu_times()[:2])).items():
+        time.add_metric([name], seconds)
+    yield time
+
+
+def _asked(runner: Runner, ask: Callable[[psutil.Process], float]) -> dict[str, float]:
+    """What the server's process and its control process answer, while that lives."""
+    answers = {"server": ask(SERVER)}
     try:
-        memory["control"] = psutil.Process(runner.process_id).memory_info().rss
+        answers["control"] = ask(psutil.Process(runner.process_id))
     except psutil.NoSuchProcess:
-        return memory
-    return memory
+        return answers
+    return answers
 
 
 def _of_ticks(timing: Timing) -> Iterator[Metric]:

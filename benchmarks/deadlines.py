@@ -2,8 +2,8 @@
 
 Starts a server, lets the robot walk, and opens clients, each in a process of its own: viser's stream by the
 proxy, as the page opens it, and the live snapshot beside it. Another process polls by REST. Told is what
-the server says of every tick between the first and the last second. Beside it runs a loop of the same rate
-and precedence that does nothing: how late that is, no control loop can help.
+the server says of every tick and of the drawn frames between the first and the last second. Beside it runs
+a loop of the same rate and precedence that does nothing: how late that is, no control loop can help.
 
     python benchmarks/deadlines.py --minutes 10 --clients 5
     python benchmarks/deadlines.py --minutes 1 --clients 1 5 20
@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -65,6 +65,10 @@ class Reading:
     tick_ms: float
     stages: dict[str, float]
     memory_mb: dict[str, float]
+    cpu_s: dict[str, float]
+    frames: int
+    frames_s: float
+    """Processor time of the thread that draws and sends the scene."""
 
 
 def main(asked: Deadlines) -> None:
@@ -163,6 +167,9 @@ def measured(url: str, nb_clients: int, seconds: float, empty: EmptyLoop) -> dic
         "misses": last.misses - first.misses,
         "real_time_factor": (last.t - first.t) / (last.at - first.at),
         "holds": all(late[edge] <= share * nb_ticks for edge, share in LIMITS.items()),
+        "frame_rate": (last.frames - first.frames) / (last.at - first.at),
+        "frame_ms": 1e3 * (last.frames_s - first.frames_s) / (last.frames - first.frames),
+        "cpu": {name: (last.cpu_s[name] - value) / (last.at - first.at) for name, value in first.cpu_s.items()},
         "first": asdict(first),
         "last": asdict(last),
     }
@@ -179,6 +186,7 @@ def wait_for_clients(api: httpx.Client, nb_clients: int) -> None:
 def reading(api: httpx.Client) -> Reading:
     """Of this moment."""
     families = {family.name: family.samples for family in text_string_to_metric_families(api.get("metrics").text)}
+    frame = {sample.name: sample.value for sample in families["walk_frame_seconds"]}
     live = api.get("api/v1/live").json()
     timing = live["timing"]
     return Reading(
@@ -190,8 +198,15 @@ def reading(api: httpx.Client) -> Reading:
         misses=timing["misses"],
         tick_ms=timing["tick_ms"],
         stages=timing["stages"],
-        memory_mb={sample.labels["process"]: sample.value / 1e6 for sample in families["walk_memory_bytes"]},
+        memory_mb={name: size / 1e6 for name, size in _by_process(families["walk_memory_bytes"]).items()},
+        cpu_s=_by_process(families["walk_cpu_seconds"]),
+        frames=round(frame["walk_frame_seconds_count"]),
+        frames_s=frame["walk_frame_seconds_sum"],
     )
+
+
+def _by_process(samples: Sequence[Any]) -> dict[str, float]:
+    return {sample.labels["process"]: sample.value for sample in samples}
 
 
 def table(found: dict[str, Any]) -> str:
@@ -206,6 +221,8 @@ def table(found: dict[str, Any]) -> str:
             for edge, count in found["late"].items()
         ),
         f"  latest start of all, since the server's own: {found['late_ms_max']:.2f} ms",
+        f"  {found['frame_rate']:.1f} frames a second, each {found['frame_ms']:.2f} ms of the thread that draws;"
+        " shares of a core: " + ", ".join(f"{name} {share:.3f}" for name, share in found["cpu"].items()),
         f"  {'[ms]':20} {'first':>8} {'last':>8}",
         f"  {'tick':20} {first['tick_ms']:8.3f} {last['tick_ms']:8.3f}",
         *(f"  {name:20} {first['stages'][name]:8.3f} {value:8.3f}" for name, value in last["stages"].items()),

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import httpx
 import numpy as np
 import pytest
+import viser
 from conftest import WALK, Server, start_server
 from prometheus_client.parser import text_string_to_metric_families
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -532,11 +533,40 @@ def test_metrics_are_told_to_prometheus(api, server):
     assert {sample.labels["stage"] for sample in families["walk_stage_seconds"].samples} == set(
         state["timing"]["stages"]
     )
-    assert {sample.labels["process"] for sample in families["walk_memory_bytes"].samples} == {"server", "control"}
+    for name in ("walk_memory_bytes", "walk_cpu_seconds"):
+        assert {sample.labels["process"] for sample in families[name].samples} == {"server", "control"}
+        assert all(sample.value > 0.0 for sample in families[name].samples)
     buckets = [s.value for s in families["walk_tick_lateness_seconds"].samples if s.name.endswith("_bucket")]
     assert buckets == sorted(buckets) and len(buckets) == 4 and buckets[-1] == value["walk_ticks"]
     for name in ("walk_tick_misses", "walk_relaxed_solves", "walk_failed_solves", "walk_tick_seconds"):
         assert value[name] >= 0.0
+
+
+def drawn_frames(server: Server) -> tuple[float, float]:
+    """How many there were, and the processor time of all [s]."""
+    text = httpx.get(f"{server.url}metrics").text
+    families = {family.name: family.samples for family in text_string_to_metric_families(text)}
+    count, seconds = families["walk_frame_seconds"]
+    assert count.name.endswith("_count") and seconds.name.endswith("_sum")
+    return count.value, seconds.value
+
+
+def test_metrics_tell_what_drawn_frames_cost_while_somebody_looks(server):
+    with connect(f"ws://{server.host}/viewer", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:
+        before = drawn_frames(server)
+        end = time.monotonic() + PATIENCE
+        while drawn_frames(server)[0] < before[0] + 10:
+            assert time.monotonic() < end
+            browser.recv(PATIENCE)
+        after = drawn_frames(server)
+    assert 0.0 < (after[1] - before[1]) / (after[0] - before[0]) < 1.0
+
+    def nothing_is_drawn() -> bool:
+        first = drawn_frames(server)
+        time.sleep(0.2)
+        return drawn_frames(server) == first
+
+    wait_for(nothing_is_drawn)
 
 
 def test_death_of_the_control_process_degrades_the_server_and_a_reset_mends_it(api, server):

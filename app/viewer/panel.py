@@ -38,7 +38,7 @@ class Panel:
         self._stream = scene.stream
         self._frame = 0
 
-    def follow(self, state: LiveState, nb_clients: int) -> None:
+    def follow(self, state: LiveState, frame_ms: float, nb_clients: int) -> None:
         """Tell what the robot does, and let the controls show what others ask for."""
         self._plots.record(state)
         self._frame += 1
@@ -46,4 +46,4 @@ class Panel:
             self._drive.follow(state)
             self._method.follow()
             self._plots.draw(self._stream)
-            self._system.follow(self._stream, state, nb_clients)
+            self._system.follow(self._stream, state, frame_ms, nb_clients)

@@ -21,7 +21,7 @@ class SystemTab:
         self._version = version("walk")
         self._table = server.gui.add_html(_table({"version": self._version}))
 
-    def follow(self, stream: Stream, state: LiveState, nb_clients: int) -> None:
+    def follow(self, stream: Stream, state: LiveState, frame_ms: float, nb_clients: int) -> None:
         """Tell the latest."""
         timing, counts = state.timing, state.counts
         rows = {
@@ -31,6 +31,7 @@ class SystemTab:
             "tick": f"{timing.tick_ms:.2f} ms, at most {timing.tick_ms_max:.1f}",
             **{f"· {stage}": f"{ms:.3f} ms" for stage, ms in timing.stages.items()},
             "real time": f"{timing.real_time_factor:.2f} × at speed {state.speed:g}",
+            "drawn frame": f"{frame_ms:.2f} ms",
             "late ticks": f"{timing.misses}",
             "relaxed": f"{counts.relaxed} ticks",
             "falls": f"{counts.failed}",

@@ -16,6 +16,7 @@ from viser import _messages
 
 from app.live.runner import Runner
 from app.viewer.audience import Audience
+from app.viewer.frame_cost import FrameCost
 from app.viewer.grab import Grab
 from app.viewer.light_clients import spare_light_clients
 from app.viewer.panel import Panel
@@ -57,6 +58,8 @@ class Viewer:
         assert loop is not None  # viser has started
         self._loop = loop
         self._drawing: Future[None] | None = None
+        self.cost = FrameCost()
+        """Of what is drawn while somebody looks."""
 
     @property
     def port(self) -> int:
@@ -96,6 +99,7 @@ class Viewer:
 
     async def _run(self) -> None:
         last, has_failed = time.monotonic(), False
+        self.cost.skip()
         due = last
         while True:
             due = max(due + PERIOD, time.monotonic())
@@ -103,6 +107,7 @@ class Viewer:
             now = time.monotonic()
             elapsed, last = now - last, now
             if not len(self._audience):
+                self.cost.skip()
                 continue
             try:
                 self._show(elapsed)
@@ -111,13 +116,14 @@ class Viewer:
                 if not has_failed:  # once, not thirty times a second
                     logger.exception("the scene cannot be drawn")
                 has_failed = True
+            self.cost.add()
 
     def _show(self, elapsed: float) -> None:
         state, parameters = self._runner.latest, self._runner.parameters
         self._scene.draw(state.snapshot, parameters, elapsed)
         self._grab.ask()
         self._scene.aim(state.snapshot, parameters, self._grab.impulse, self._grab.answer)
-        self._panel.follow(state, len(self._audience))
+        self._panel.follow(state, self.cost.mean_ms, len(self._audience))
         self._audience.send(self._scene.stream)
 
 
