@@ -56,10 +56,11 @@ class PastFootprints:
     def update(self, stream: Stream, snapshot: Snapshot) -> None:
         """Add the soles that have come to the ground since the last frame."""
         for side, foot in snapshot.feet.items():
-            places = self._places[side]
-            place = (*foot.position.tolist(), foot.yaw)
-            if foot.height == 0.0 and (not places or places[0] != place):
-                places.appendleft(place)
+            if foot.height > 0.0:
+                continue
+            places, (x, y, yaw) = self._places[side], foot.pose.tolist()
+            if not places or places[0] != (x, y, yaw):
+                places.appendleft((x, y, yaw))
                 self._is_new = True
         if not self._is_new:
             return
@@ -204,7 +205,7 @@ class SupportPolygon:
         """
         foot = snapshot.support
         # They change only with what stands on the ground.
-        grounded = tuple((side, *f.position, f.yaw) for side, f in snapshot.feet.items() if f.height == 0.0)
+        grounded = [(side, f.pose.tolist()) for side, f in snapshot.feet.items() if f.height == 0.0]
         now = (snapshot.phase, foot.side, grounded, margin)
         if now == self._drawn:
             return

@@ -65,6 +65,7 @@ class PlotsTab:
         """Make the plots, empty."""
         self._robot = robot
         self._frame, self._last_t = 0, -np.inf
+        self._noted: list[LiveState] = []
         self._rows: deque[list[float]] = deque(maxlen=POINTS)
         self._plots: list[tuple[Any, int]] = []
         times = np.linspace(-1.0, 0.0, 2)
@@ -84,15 +85,20 @@ class PlotsTab:
         """Take note of a state that is new."""
         t = state.snapshot.t
         if t < self._last_t:
+            self._noted.clear()
             self._rows.clear()
         self._frame += 1
         if t == self._last_t or self._frame % FRAMES_PER_POINT:
             return
         self._last_t = t
-        self._rows.append([t, *_row(self._robot, state.snapshot), state.timing.tick_ms])
+        self._noted.append(state)
 
     def draw(self, stream: Stream) -> None:
-        """Send the plots."""
+        """Send the plots. What was noted is worked out here, several points at once: the first one costs the most."""
+        for state in self._noted:
+            snapshot = state.snapshot
+            self._rows.append([snapshot.t, *_row(self._robot, snapshot), state.timing.tick_ms])
+        self._noted.clear()
         if len(self._rows) < 2:
             return
         columns = np.array(self._rows, dtype=np.float32).T

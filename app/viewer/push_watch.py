@@ -8,6 +8,8 @@ momentum that the CoM's acceleration does not explain:
 with the integral by the trapezoidal rule: ddc is continuous, because the jerk is bounded.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +36,6 @@ class PushWatch:
         gap = snapshot.t - before.t
         if not 0.0 < gap <= LONGEST_GAP:
             return None
-        explained = (before.com.acceleration + snapshot.com.acceleration) / 2 * gap
-        change = snapshot.com.velocity - before.com.velocity - explained
-        return self._mass * change if np.hypot(*change) > WEAKEST else None
+        (_, v, a), (_, v_before, a_before) = snapshot.com.matrix.tolist(), before.com.matrix.tolist()
+        change = [v[i] - v_before[i] - (a_before[i] + a[i]) / 2 * gap for i in range(2)]
+        return self._mass * np.array(change) if math.hypot(*change) > WEAKEST else None
