@@ -1,8 +1,10 @@
 """Everything measured in one run, on one core."""
 
+import gc
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from typing import Any
@@ -89,10 +91,23 @@ def laps(scenario: Scenario) -> list[dict[str, float]]:
     stopwatch = Stopwatch(time.perf_counter)
     simulation = Simulation(scenario.robot, scenario.parameters, stopwatch)
     ticks: list[dict[str, float]] = []
-    for command in scenario.commands():
-        simulation.step(command)
-        ticks.append(stopwatch.laps)
+    with _no_collection():
+        for command in scenario.commands():
+            simulation.step(command)
+            ticks.append(stopwatch.laps)
     return ticks
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Without the garbage collector, which the live control process lets run between ticks only."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def planning_time(tick: Mapping[str, float]) -> float:

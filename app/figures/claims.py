@@ -68,21 +68,20 @@ def _margins(walks: Walks) -> Iterator[Claim]:
 
 
 def _solve_times(times: SolveTimes) -> Iterator[Claim]:
-    mean, longer = float(np.mean(times.full)), float(np.mean(times.mean_speed))
-    median, p95 = np.percentile(times.full, (50, 95))
+    (median, p95, most), longer = np.percentile(times.full, (50, 95, 100)), float(np.median(times.mean_speed))
     yield Claim(
-        "Assembling and solving (19), mean",
+        "Assembling and solving (19), median",
         "< 1 ms",
-        f"{1e3 * mean:.2f} ms (median {1e3 * median:.2f}, p95 {1e3 * p95:.2f})",
-        mean < SOLVE_TIME,
+        f"{1e3 * median:.2f} ms (p95 {1e3 * p95:.2f}, max {1e3 * most:.2f})",
+        median < SOLVE_TIME,
         "it is measured on this machine with whatever else it was doing, and in Python: the geometry of the supports,"
         " the check that the plan can be caught, and the solver's cold start count too",
     )
     yield Claim(
         "The same for (31), four steps ahead",
         "“much longer”",
-        f"{1e3 * longer:.2f} ms, {longer / mean:.1f} times as long",
-        longer > mean,
+        f"{1e3 * longer:.2f} ms, {longer / median:.1f} times as long",
+        longer > median,
         "the fixed costs of a QP outweigh its size",
     )
 
