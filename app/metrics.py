@@ -61,9 +61,14 @@ def _of_processes(runner: Runner) -> Iterator[Metric]:
         memory.add_metric([name], size)
     yield memory
     time = CounterMetricFamily("walk_cpu_seconds", "Processor time.", labels=["process"])
-    for name, seconds in _asked(runner, lambda process: sum(process.cpu_times()[:2])).items():
+    for name, seconds in _asked(runner, _cpu_seconds).items():
         time.add_metric([name], seconds)
     yield time
+
+
+def _cpu_seconds(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return times.user + times.system
 
 
 def _asked(runner: Runner, ask: Callable[[psutil.Process], float]) -> dict[str, float]:
