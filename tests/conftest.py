@@ -12,6 +12,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+import viser
 from playwright.sync_api import Browser, sync_playwright
 
 WALK = Path(sys.executable).parent / "walk"
@@ -74,6 +75,14 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("WALK_DATA", str(folder))
         yield folder
+
+
+@pytest.fixture
+def viser_server() -> Iterator[viser.ViserServer]:
+    """viser's own, for what is drawn without a robot that is served."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
 
 
 @pytest.fixture(scope="module")

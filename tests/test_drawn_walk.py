@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import viser
 
 from app.viewer import LIGHT
 from app.viewer.footprints import PRINTS_PER_FOOT
@@ -24,13 +23,6 @@ def walk() -> list[Any]:
     """Drawn snapshots of 10 s."""
     simulation = Simulation(load_robot("hrp2"), Parameters())
     return [simulation.step(Command(ASKED)) for _ in range(2000)][::FRAME]
-
-
-@pytest.fixture
-def server():
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def of_kind(stream: Stream, kind: str) -> dict[str, Any]:
@@ -52,8 +44,8 @@ def test_pushes_between_two_frames_are_found_and_nothing_else(duration):
     assert found[1008 // FRAME] is not None
 
 
-def test_the_robot_stays_in_the_middle_of_an_endless_ground(server, walk):
-    scene = Scene(server, load_robot("hrp2"), LIGHT)
+def test_the_robot_stays_in_the_middle_of_an_endless_ground(viser_server, walk):
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
     for snapshot in walk:
         scene.draw(snapshot, Parameters(), 1 / 30)
         at = of_kind(scene.stream, "SetPositionMessage")
@@ -67,8 +59,8 @@ def test_the_robot_stays_in_the_middle_of_an_endless_ground(server, walk):
     assert np.hypot(*(middle + walk[0].com.position)) < 1.0
 
 
-def test_footprints_are_where_feet_stood(server, walk):
-    scene = Scene(server, load_robot("hrp2"), LIGHT)
+def test_footprints_are_where_feet_stood(viser_server, walk):
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
     stood: list[list[float]] = []
     for snapshot in walk:
         scene.draw(snapshot, Parameters(), 1 / 30)
@@ -83,9 +75,9 @@ def test_footprints_are_where_feet_stood(server, walk):
     assert len(places) == len(prints)
 
 
-def test_plots_hold_each_point_once_and_begin_anew_after_a_reset(server, walk):
+def test_plots_hold_each_point_once_and_begin_anew_after_a_reset(viser_server, walk):
     robot, stream = load_robot("hrp2"), Stream()
-    plots = PlotsTab(server, robot)
+    plots = PlotsTab(viser_server, robot)
 
     def draw(snapshots: list[Any]) -> list[float]:
         for snapshot in snapshots:

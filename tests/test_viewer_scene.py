@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-import viser
 from scipy.spatial.transform import Rotation
 
 from app.outlines import carriers, is_caught
@@ -40,20 +39,13 @@ def walk(parameters: Parameters = PAPER, robot: str = "hrp2") -> list[Any]:
     ]
 
 
-@pytest.fixture
-def server():
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server
-    server.stop()
-
-
 def values(scene: Scene, kind: str) -> dict[str, Any]:
     return {name: value for (message, name, _), value in scene.stream._values.items() if message == kind}
 
 
-def test_links_are_where_forward_kinematics_puts_them(server):
+def test_links_are_where_forward_kinematics_puts_them(viser_server):
     robot = load_robot("talos")
-    scene = Scene(server, robot, LIGHT)
+    scene = Scene(viser_server, robot, LIGHT)
     simulation = Simulation(robot, Parameters())
     for _ in range(300):
         snapshot = simulation.step(Command(Reference(vx=0.3)))
@@ -69,7 +61,7 @@ def test_links_are_where_forward_kinematics_puts_them(server):
         pose = np.eye(4)
         for depth in range(len("/w/robot/".split("/")), len(name.split("/")) + 1):
             node = "/".join(name.split("/")[:depth])
-            handle = server.scene._handle_from_node_name[node]
+            handle = viser_server.scene._handle_from_node_name[node]
             w, x, y, z = turned[node]
             local = np.eye(4)
             local[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
@@ -78,9 +70,9 @@ def test_links_are_where_forward_kinematics_puts_them(server):
         assert pose == pytest.approx(data.oMi[joint].homogeneous, abs=5e-4)
 
 
-def test_hidden_layers_are_not_sent_and_shown_ones_are(server):
+def test_hidden_layers_are_not_sent_and_shown_ones_are(viser_server):
     snapshots = walk()
-    scene = Scene(server, load_robot("hrp2"), LIGHT)
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
     for snapshot in snapshots[10:20]:
         scene.draw(snapshot, PAPER, 0.1)
     hidden = [name for name, layer in LAYERS.items() if not layer.is_on]
@@ -98,9 +90,9 @@ def test_hidden_layers_are_not_sent_and_shown_ones_are(server):
         assert [name for name in drawn if name.startswith(f"/w/{layer}/")], layer
 
 
-def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_switches(server):
-    scene = Scene(server, load_robot("hrp2"), LIGHT)
-    tab = ViewTab(server, scene)
+def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_switches(viser_server):
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
+    tab = ViewTab(viser_server, scene)
     assert tab.layers == DEFAULTS
     tab.switch({"capture_point": True, "robot": False})
     wait_until = time.monotonic() + 10.0
@@ -199,9 +191,9 @@ def runner():
 
 
 @pytest.fixture
-def hand(server, runner, monkeypatch):
-    monkeypatch.setattr(server, "get_clients", lambda: {1: None, 2: None})
-    return Hand(Grab(server, runner, []))
+def hand(viser_server, runner, monkeypatch):
+    monkeypatch.setattr(viser_server, "get_clients", lambda: {1: None, 2: None})
+    return Hand(Grab(viser_server, runner, []))
 
 
 def test_letting_go_of_a_drag_pushes_along_it_and_no_harder_than_allowed(hand, runner):
@@ -228,7 +220,7 @@ def test_drag_that_goes_back_or_nowhere_gives_nothing(hand, runner, end):
     assert runner.pushes == []
 
 
-def test_escape_another_hand_and_a_lost_browser_give_nothing(hand, runner, server, monkeypatch):
+def test_escape_another_hand_and_a_lost_browser_give_nothing(hand, runner, viser_server, monkeypatch):
     hand.drag("start", 0.3, 0.0)
     hand._grab._let_go()
     hand.drag("update", 0.3, 0.0)
@@ -237,7 +229,7 @@ def test_escape_another_hand_and_a_lost_browser_give_nothing(hand, runner, serve
     hand.drag("start", 0.3, 0.0, client=2)
     hand.drag("end", 0.3, 0.0)
     assert runner.pushes == []
-    monkeypatch.setattr(server, "get_clients", lambda: {1: None})
+    monkeypatch.setattr(viser_server, "get_clients", lambda: {1: None})
     hand.drag("end", 0.3, 0.0, client=2)
     assert runner.pushes == []
 
@@ -288,8 +280,8 @@ class Client:
         self.told.append(body)
 
 
-def test_typed_parameters_are_applied_together_and_refusals_told(server, runner):
-    tab, client = MethodTab(server, runner), Client()
+def test_typed_parameters_are_applied_together_and_refusals_told(viser_server, runner):
+    tab, client = MethodTab(viser_server, runner), Client()
     event = SimpleNamespace(client=client)
     tab._apply(event)
     assert runner.changes == []  # nothing was typed
@@ -309,8 +301,8 @@ def test_typed_parameters_are_applied_together_and_refusals_told(server, runner)
     assert runner.parameters == runner.defaults and tab._numbers["alpha"].value == "1e-06"
 
 
-def test_scheme_of_mean_velocity_gets_the_horizon_that_it_needs(server, runner):
-    tab, event = MethodTab(server, runner), SimpleNamespace(client=Client())
+def test_scheme_of_mean_velocity_gets_the_horizon_that_it_needs(viser_server, runner):
+    tab, event = MethodTab(viser_server, runner), SimpleNamespace(client=Client())
     tab._scheme.value = next(label for label in tab._scheme.options if label.startswith("mean_speed"))
     tab._change_scheme(event)
     assert runner.parameters.scheme == "mean_speed" and runner.parameters.horizon_samples == 32
@@ -327,9 +319,9 @@ def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():
     [([0.0, 10.0], "stands"), ([15.0, 0.0], "steps"), ([25.0, 0.0], "fall")],
     ids=["light", "harder", "hopeless"],
 )
-def test_preview_of_a_push_on_a_standing_robot_tells_what_comes_of_it(server, impulse, verdict):
+def test_preview_of_a_push_on_a_standing_robot_tells_what_comes_of_it(viser_server, impulse, verdict):
     robot, parameters = load_robot("hrp2"), Parameters()
-    scene, simulation = Scene(server, robot, LIGHT), Simulation(robot, parameters)
+    scene, simulation = Scene(viser_server, robot, LIGHT), Simulation(robot, parameters)
     now, command = simulation.step(), Command(push=Push(impulse))
     answer = simulation.preview(command)
     scene.aim(now, parameters, np.array(impulse), answer)
