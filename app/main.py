@@ -6,17 +6,17 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
-from app import errors, page
-from app.body_limit import BodyLimitMiddleware
+from app.http import errors, page
+from app.http.body_limit import BodyLimitMiddleware
+from app.http.metrics import LiveMetrics
+from app.http.origin import SameOriginMiddleware
+from app.http.proxy import viewer_router
+from app.http.token import Token, TokenMiddleware
 from app.live.runner import Runner
-from app.metrics import LiveMetrics
-from app.origin import SameOriginMiddleware
-from app.proxy import viewer_router
 from app.routes import layers, live, runs, service, sockets
 from app.routes.signin import signin_router
 from app.runs import Limits, Runs
 from app.settings import Settings
-from app.token import Token, TokenMiddleware
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
 

@@ -1,4 +1,4 @@
-"""What may be set from outside. The only reader of the environment."""
+"""What may be set from outside. The only reader of the environment and of the size of the machine."""
 
 import os
 from pathlib import Path
@@ -6,6 +6,11 @@ from typing import Literal
 
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 class Settings(BaseSettings):
@@ -25,7 +30,7 @@ class Settings(BaseSettings):
     """Asked for by page, sockets and API; nothing is asked where it is empty."""
     walk_data: Path = Path("~/.local/share/walk")
     """Folder where runs are kept; one server each."""
-    runs_workers: int = Field(default=max(1, (os.cpu_count() or 2) - 1), ge=1, le=256)
+    runs_workers: int = Field(default_factory=lambda: max(1, usable_cores() - 1), ge=1, le=256)
     """Runs that are simulated at once; by default a core is left to the live walk."""
     runs_queued: int = Field(default=64, ge=1)
     """Runs that may wait."""

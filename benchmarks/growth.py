@@ -12,7 +12,7 @@ import tyro
 
 from app.bench.bench import by_stage, laps
 from walkcore import load_scenario
-from walkcore.qp import SOLVERS
+from walkcore.mpc.qp import SOLVERS
 
 HORIZONS = (8, 16, 32, 64)
 STAGES = ("gait", "assemble", "solve", "check", "snapshot", "swing_foot")

@@ -11,10 +11,10 @@ import numpy as np
 import tyro
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot, load_robot
-from walkcore.gait import Footstep, Phase
-from walkcore.pattern_generator import Status
-from walkcore.recording import row
-from walkcore.regions import polygon, sole_vertices
+from walkcore.mpc.gait import Footstep, Phase
+from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.regions import polygon, sole_vertices
+from walkcore.scenario.recording import row
 from walkcore.values import rotation
 
 MAY_BE_NAN = ("foothold", "true_cop", "time_to_touchdown")

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
-from walkcore.gait import Phase
-from walkcore.swing_foot import swing_accelerations
+from walkcore.motion.swing_foot import swing_accelerations
+from walkcore.mpc.gait import Phase
 
 WALKS = (Reference(vx=0.3), Reference(vy=0.2), Reference(vx=-0.2), Reference(vx=0.2, vy=0.1))
 TICKS, SKIPPED = 1000, 300  # of each walk; the first ones are still on the way to its speed

@@ -24,8 +24,8 @@ from viser_client import scene
 from app.live.pace import Pace
 from app.live.runner import LiveState
 from app.viewer import Viewer
-from app.viewer.audience import Audience
-from app.viewer.scene import Scene
+from app.viewer.scene.scene import Scene
+from app.viewer.transport.audience import Audience
 from app.viewer.viewer import PERIOD
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 

@@ -8,8 +8,8 @@ from app.bench import bench, table
 from app.bench.bench import PLANNING
 from app.bench.solvers import compare, problems_of
 from walkcore import load_scenario
-from walkcore.preview import FOOTHOLD_UNIT
-from walkcore.qp import SOLVERS
+from walkcore.mpc.preview import FOOTHOLD_UNIT
+from walkcore.mpc.qp import SOLVERS
 
 SHORT = replace(load_scenario("herdt-2010-section-6"), duration=1.2, events=())
 

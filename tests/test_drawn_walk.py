@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from app.viewer import LIGHT
-from app.viewer.footprints import PRINTS_PER_FOOT
-from app.viewer.plots_tab import PlotsTab
-from app.viewer.push_watch import PushWatch
-from app.viewer.scene import SECTION, WORLD, Scene
-from app.viewer.stream import Stream
+from app.viewer.panel.plots_tab import PlotsTab
+from app.viewer.scene.footprints import PRINTS_PER_FOOT
+from app.viewer.scene.push_watch import PushWatch
+from app.viewer.scene.scene import SECTION, WORLD, Scene
+from app.viewer.transport.stream import Stream
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 
 FRAME = 7  # ticks

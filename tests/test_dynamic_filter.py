@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
-from walkcore.dynamic_filter import LOOK_AHEAD, NO_OFFSET, SMOOTHING
-from walkcore.gait import Footstep, Side
-from walkcore.swing_foot import standing, swing, swing_accelerations, swing_height
+from walkcore.motion.dynamic_filter import LOOK_AHEAD, NO_OFFSET, SMOOTHING
+from walkcore.motion.swing_foot import standing, swing, swing_accelerations, swing_height
+from walkcore.mpc.gait import Footstep, Side
 
 
 def test_planned_accelerations_are_those_of_the_flight():

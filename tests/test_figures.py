@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.figures import make, measures, walks
-from walkcore.gait import Footstep, Side
-from walkcore.regions import polygon, sole_vertices
+from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.regions import polygon, sole_vertices
 
 PERIOD = 0.1  # [s]
 FIGURES = [*(f"fig{n}" for n in range(1, 10)), "hard-push"]

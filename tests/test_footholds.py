@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from app.foothold_report import summary, write
-from app.footholds import Study, study
+from app.footholds.report import summary, write
+from app.footholds.study import Study, study
 from walkcore import load_robot
-from walkcore.collisions import SAFETY_DISTANCE, LegDistances
 from walkcore.errors import EmptyRegionError, InvalidValueError
-from walkcore.footholds import MAX_VERTICES, common_vertices, contains, sampled_placements
-from walkcore.gait import Footstep, Side
-from walkcore.inscribed import area, inscribed_polygon, inside, intersection
-from walkcore.step_trial import Outcome, StepTrial, placement_before
-from walkcore.swing_foot import standing
-from walkcore.whole_body import BodyTarget, WholeBody
+from walkcore.footholds.collisions import SAFETY_DISTANCE, LegDistances
+from walkcore.footholds.safe_polygon import area, inscribed_polygon, inside, intersection
+from walkcore.footholds.step_feasibility import Outcome, StepTrial, placement_before
+from walkcore.footholds.study import MAX_VERTICES, common_vertices, contains, sampled_placements
+from walkcore.motion.swing_foot import standing
+from walkcore.motion.whole_body import BodyTarget, WholeBody
+from walkcore.mpc.gait import Footstep, Side
 
 SAMPLES = 220
 

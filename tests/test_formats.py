@@ -18,9 +18,9 @@ from mcap.reader import make_reader
 from app.formats import FORMATS, write_run
 from app.formats.units import unit
 from walkcore import record
-from walkcore.recording import Recording
-from walkcore.replay import replayed
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.recording import Recording
+from walkcore.scenario.replay import replayed
+from walkcore.scenario.scenario import scenario_from_mapping
 
 EVENTS = [
     {"t": 0.1, "reference": {"vx": 0.2, "yaw_rate": 0.1}},

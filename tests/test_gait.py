@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from walkcore.gait import Gait, Phase, Side
+from walkcore.mpc.gait import Gait, Phase, Side
 from walkcore.parameters import Parameters
 
 PAPER = Parameters(control_period=0.1)

@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.viewer.joints import AnyJoint, FreeFlyer, Hinge, joint_of
-from app.viewer.stream import Stream
+from app.viewer.scene.joints import AnyJoint, FreeFlyer, Hinge, joint_of
+from app.viewer.transport.stream import Stream
 from walkcore import load_robot
 
 

@@ -9,9 +9,9 @@ import viser
 from viser import _messages
 from websockets.sync.client import connect
 
-from app.viewer.light_clients import LIGHT_PATH, spare_light_clients
-from app.viewer.scene import add_key_light
-from app.viewer.visitors import Visitors
+from app.viewer.scene.scene import add_key_light
+from app.viewer.transport.light_clients import LIGHT_PATH, spare_light_clients
+from app.viewer.transport.visitors import Visitors
 
 CAMERA = _messages.ViewerCameraMessage(
     (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.7, 0.1, 10.0, 100, 100, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)

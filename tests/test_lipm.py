@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from walkcore.lipm import CoMState, preview_matrices
+from walkcore.mpc.lipm import CoMState, preview_matrices
 
 HEIGHT, GRAVITY = 0.814, 9.81
 

@@ -5,11 +5,11 @@ import json
 import msgspec
 import pytest
 
+from app.http.schemas import live_json
 from app.live.control import Control, Drive
 from app.live.state import LiveState
-from app.schemas import live_json
 from walkcore import Parameters, Push, Reference, load_robot
-from walkcore.pattern_generator import Status
+from walkcore.mpc.pattern_generator import Status
 
 PERIOD = 0.02  # [s]
 

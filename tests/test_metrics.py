@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from walkcore import load_scenario, record
+from walkcore.analysis.margins import divergent_component, support_margins
+from walkcore.analysis.metrics import metrics
+from walkcore.analysis.recovery import recoveries
+from walkcore.analysis.steady_walking import steady_walks
 from walkcore.errors import InvalidValueError
-from walkcore.expectations import METRICS, Expectation, expectation_names, expectations_from_mapping
-from walkcore.margins import divergent_component, support_margins
-from walkcore.metrics import metrics
-from walkcore.recovery import recoveries
-from walkcore.scenario import scenario_from_mapping
-from walkcore.steady_walking import steady_walks
+from walkcore.scenario.expectations import METRICS, Expectation, expectation_names, expectations_from_mapping
+from walkcore.scenario.scenario import scenario_from_mapping
 
 DT, STEP = 0.1, 0.8
 PUSHED = {

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Push, Reference, Simulation, load_robot
-from walkcore.gait import Footstep, Phase, Side
-from walkcore.pattern_generator import Status
-from walkcore.push_follower import Moment, PushFollower, moment_of
+from walkcore.analysis.push_follower import Moment, PushFollower, moment_of
+from walkcore.mpc.gait import Footstep, Phase, Side
+from walkcore.mpc.pattern_generator import Status
 
 STEP = 0.8  # [s]
 NOTHING = np.zeros(2)

@@ -14,7 +14,7 @@ def test_every_file_that_the_readme_names_exists():
     root = Path(__file__).parent.parent
     for target in re.findall(r"\]\(([^)#:]+)\)", README):
         assert (root / target).exists(), target
-    modules = re.findall(r"^\| (`[a-z_`, ]+`) \|", README, flags=re.MULTILINE)
-    names = [name for cell in modules for name in re.findall(r"[a-z_]+", cell)]
+    modules = re.findall(r"^\| (`[a-z_/`, ]+`) \|", README, flags=re.MULTILINE)
+    names = [name for cell in modules for name in re.findall(r"[a-z_/]+", cell)]
     assert all((root / "walkcore" / f"{name}.py").exists() for name in names)
     assert len(names) > 12

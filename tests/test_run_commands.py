@@ -11,7 +11,7 @@ from unittest.mock import patch
 import pytest
 from conftest import WALK
 
-from app.cli import main
+from app.commands.cli import main
 
 SHORT = """
 name: short

@@ -24,8 +24,8 @@ from app.runs import Limits, NoRecordingError, Run, Runs, RunsUnavailableError, 
 from app.runs.limits import checked_scenario
 from app.runs.store import SERVER_DIED, RunStore
 from walkcore.errors import InvalidValueError
-from walkcore.recording import record
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.recording import record
+from walkcore.scenario.scenario import scenario_from_mapping
 
 PATIENCE = 280.0  # [s] after which something hangs
 SHORT = {

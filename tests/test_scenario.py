@@ -6,7 +6,7 @@ import pytest
 
 from walkcore import Reference, load_scenario, record, scenario_names
 from walkcore.errors import InvalidValueError, UnknownNameError
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.scenario import scenario_from_mapping
 
 SHORT = {"robot": "hrp2", "duration": 2.0, "parameters": {"control_period": 0.1}}
 

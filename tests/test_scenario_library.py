@@ -8,8 +8,8 @@ import yaml
 
 from app.formats import FORMATS
 from walkcore import load_scenario, record, scenario_names
-from walkcore.expectations import METRICS
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.expectations import METRICS
+from walkcore.scenario.scenario import scenario_from_mapping
 
 COARSE = {"control_period": 0.1}  # [s]
 OF_THE_BODY = ("cop_error", "com_error", "sole_error", "torque_use", "speed_use")

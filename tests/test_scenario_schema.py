@@ -4,9 +4,9 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from app.scenario_schema import ScenarioBody, scenario_schema
+from app.http.scenario_schema import ScenarioBody, scenario_schema
 from walkcore import Simulation, WalkError, load_robot, load_scenario, scenario_names
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.scenario import scenario_from_mapping
 
 STATE = Simulation(load_robot("hrp2")).state.to_mapping()
 LEAST = {"robot": "hrp2", "duration": 1.0}

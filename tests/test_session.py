@@ -9,8 +9,8 @@ from app.live import session
 from app.live.control import Control, Drive, NothingToSaveError
 from app.live.session import Session
 from walkcore import Parameters, Push, Reference, load_robot
-from walkcore.recording import record
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.recording import record
+from walkcore.scenario.scenario import scenario_from_mapping
 
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
 TALOS = load_robot("talos")

@@ -7,10 +7,10 @@ from oracle import excess
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
-from walkcore.gait import Footstep, Phase, Side
-from walkcore.pattern_generator import Status
-from walkcore.recording import row
-from walkcore.regions import sole_vertices
+from walkcore.mpc.gait import Footstep, Phase, Side
+from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.regions import sole_vertices
+from walkcore.scenario.recording import row
 from walkcore.state import state_from_mapping
 
 HRP2 = load_robot("hrp2")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
-from walkcore.pattern_generator import Status
-from walkcore.recording import row
+from walkcore.mpc.pattern_generator import Status
+from walkcore.scenario.recording import row
 from walkcore.stages import Stopwatch
 
 WALKING = Command(Reference(vx=0.2))

@@ -7,10 +7,10 @@ import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, record
 from walkcore.errors import InvalidValueError
-from walkcore.events import Event
-from walkcore.recording import collect
-from walkcore.scenario import scenario_from_mapping
-from walkcore.session import session_scenario
+from walkcore.scenario.events import Event
+from walkcore.scenario.recording import collect
+from walkcore.scenario.scenario import scenario_from_mapping
+from walkcore.scenario.session import session_scenario
 from walkcore.state import state_from_mapping
 
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)

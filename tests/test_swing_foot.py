@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from walkcore.gait import Footstep, Side
-from walkcore.swing_foot import standing, swing, swing_height
+from walkcore.motion.swing_foot import standing, swing, swing_height
+from walkcore.mpc.gait import Footstep, Side
 
 TICK, MAX_SPEED = 0.005, np.array([1.5, 1.0, 1.5])
 START = Footstep(Side.LEFT, np.zeros(2), 0.0)

@@ -10,21 +10,21 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from app.outlines import carriers, is_caught
+from app.drawing.outlines import carriers, is_caught
 from app.viewer import LIGHT
-from app.viewer.constraints import binding
-from app.viewer.grab import Grab, on_ground
-from app.viewer.layers import LAYERS
-from app.viewer.markers import points_of, previews_of
-from app.viewer.method_tab import MethodTab
-from app.viewer.plots_tab import _row
-from app.viewer.robot_mesh import BodyPart, _closed
-from app.viewer.scene import Scene
-from app.viewer.view_tab import DEFAULTS, ViewTab
+from app.viewer.panel.method_tab import MethodTab
+from app.viewer.panel.plots_tab import _row
+from app.viewer.panel.view_tab import DEFAULTS, ViewTab
+from app.viewer.scene.constraints import binding
+from app.viewer.scene.grab import Grab, on_ground
+from app.viewer.scene.layers import LAYERS
+from app.viewer.scene.markers import points_of, previews_of
+from app.viewer.scene.robot_mesh import BodyPart, _closed
+from app.viewer.scene.scene import Scene
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
-from walkcore.gait import Phase
-from walkcore.pattern_generator import Status
-from walkcore.regions import polygon, sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.regions import polygon, sole_vertices
 
 PAPER = Parameters(control_period=0.1)  # ticks are samples: a plan's first sample is the next snapshot
 WALK = [(1.0, Reference()), (4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (4.0, Reference())]

@@ -18,8 +18,8 @@ from websockets.asyncio.client import connect
 from app.live.pace import Pace
 from app.live.runner import LiveState
 from app.viewer import Viewer
-from app.viewer.stream import Stream
-from app.viewer.wire import Encoder
+from app.viewer.transport.stream import Stream
+from app.viewer.transport.wire import Encoder
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
 HEADER = 16

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-import walkcore.pattern_generator as pattern_generator
+import walkcore.mpc.pattern_generator as pattern_generator
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.errors import NoSolutionFoundError
-from walkcore.gait import Horizon
-from walkcore.lipm import CoMState, preview_matrices
-from walkcore.pattern_generator import Status
-from walkcore.preview import Known, Preview
-from walkcore.qp import QP, SOLVERS, solve_qp
-from walkcore.regions import HalfPlanes, box, polygon
-from walkcore.schemes import SCHEMES
-from walkcore.supports import Supports
-from walkcore.walking_qp import WalkingQP
+from walkcore.mpc.gait import Horizon
+from walkcore.mpc.lipm import CoMState, preview_matrices
+from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.preview import Known, Preview
+from walkcore.mpc.qp import QP, SOLVERS, solve_qp
+from walkcore.mpc.regions import HalfPlanes, box, polygon
+from walkcore.mpc.schemes import SCHEMES
+from walkcore.mpc.supports import Supports
+from walkcore.mpc.walking_qp import WalkingQP
 
 WALK = [Command(Reference())] * 10 + [Command(Reference(vx=0.3, vy=0.1))] * 20 + [Command(Reference(vx=-0.2))] * 20
 

@@ -6,9 +6,9 @@ import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, load_scenario, record
 from walkcore.errors import InverseKinematicsError
-from walkcore.gait import Side
-from walkcore.swing_foot import standing
-from walkcore.whole_body import BodyTarget, WholeBody
+from walkcore.motion.swing_foot import standing
+from walkcore.motion.whole_body import BodyTarget, WholeBody
+from walkcore.mpc.gait import Side
 
 BOTH = (Side.LEFT, Side.RIGHT)
 

@@ -3,9 +3,9 @@
 from walkcore.command import Command, Push, Reference
 from walkcore.errors import WalkError
 from walkcore.parameters import Parameters
-from walkcore.recording import Recording, record
 from walkcore.robot import Robot, load_robot, robot_names
-from walkcore.scenario import Scenario, load_scenario, scenario_names
+from walkcore.scenario.recording import Recording, record
+from walkcore.scenario.scenario import Scenario, load_scenario, scenario_names
 from walkcore.simulation import Simulation
 from walkcore.snapshot import Snapshot
 

@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from walkcore.errors import InvalidValueError
-from walkcore.lipm import GRAVITY
-from walkcore.qp import SOLVERS
-from walkcore.schemes import SCHEMES, Scheme
+from walkcore.mpc.lipm import GRAVITY
+from walkcore.mpc.qp import SOLVERS
+from walkcore.mpc.schemes import SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(

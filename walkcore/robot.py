@@ -14,8 +14,8 @@ import yaml
 
 from walkcore.command import Push, Reference
 from walkcore.errors import UnknownNameError
-from walkcore.gait import Footstep, Side
-from walkcore.regions import closest_band, foothold_vertices
+from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.regions import closest_band, foothold_vertices
 from walkcore.values import Matrix, Vector, check_range, read_only
 
 ROBOTS = files("walkcore") / "robots"

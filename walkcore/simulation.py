@@ -12,21 +12,21 @@ from functools import lru_cache
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
-from walkcore.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
 from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
-from walkcore.gait import Footstep, Gait, Horizon, Phase, Side
-from walkcore.lipm import CoMState
+from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
+from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
+from walkcore.motion.whole_body import BodyTarget, WholeBody
+from walkcore.mpc.gait import Footstep, Gait, Horizon, Phase, Side
+from walkcore.mpc.lipm import CoMState
+from walkcore.mpc.pattern_generator import PatternGenerator, Plan, Status
+from walkcore.mpc.qp import QP
+from walkcore.mpc.regions import polygon, sole_vertices
 from walkcore.parameters import Parameters
-from walkcore.pattern_generator import PatternGenerator, Plan, Status
-from walkcore.qp import QP
-from walkcore.regions import polygon, sole_vertices
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import Snapshot
 from walkcore.stages import UNTIMED, Stages
 from walkcore.state import PushUnderWay, SimulationState
-from walkcore.swing_foot import FootState, standing, swing, swing_height
 from walkcore.values import Vector, frozen, read_only, rotation
-from walkcore.whole_body import BodyTarget, WholeBody
 
 NO_IMPULSE = read_only(np.zeros(2))
 

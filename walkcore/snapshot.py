@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from walkcore.command import Reference
-from walkcore.gait import Footstep, Phase, Side
-from walkcore.lipm import CoMState
-from walkcore.pattern_generator import Plan, Status
-from walkcore.swing_foot import FootState
+from walkcore.motion.swing_foot import FootState
+from walkcore.mpc.gait import Footstep, Phase, Side
+from walkcore.mpc.lipm import CoMState
+from walkcore.mpc.pattern_generator import Plan, Status
 from walkcore.values import Vector
 
 

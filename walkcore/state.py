@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from walkcore.dynamic_filter import Offset
 from walkcore.errors import InvalidValueError
-from walkcore.gait import Gait, Side
-from walkcore.lipm import CoMState
+from walkcore.motion.dynamic_filter import Offset
+from walkcore.motion.swing_foot import FootState
+from walkcore.motion.whole_body import configuration_size
+from walkcore.mpc.gait import Gait, Side
+from walkcore.mpc.lipm import CoMState
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
-from walkcore.swing_foot import FootState
 from walkcore.values import Vector, check_keys, check_mapping, check_range, check_vector, check_whole, read_only
-from walkcore.whole_body import configuration_size
 
 MAX_TICK = 10**9
 FARTHEST = 1e5  # [m] from the origin

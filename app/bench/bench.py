@@ -12,7 +12,7 @@ from typing import Any
 from app.bench.durations import Durations
 from app.bench.solvers import SolverResult, compare, problems_of
 from walkcore import Scenario, Simulation, load_scenario
-from walkcore.qp import SOLVERS
+from walkcore.mpc.qp import SOLVERS
 from walkcore.stages import Stopwatch
 
 MOTION = "herdt-2010-section-6"

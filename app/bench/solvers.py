@@ -10,8 +10,8 @@ import quadprog
 
 from app.bench.durations import Durations
 from walkcore import Scenario, Simulation
-from walkcore.preview import Layout
-from walkcore.qp import QP, SOLVERS, solve_qp
+from walkcore.mpc.preview import Layout
+from walkcore.mpc.qp import QP, SOLVERS, solve_qp
 from walkcore.values import Vector
 
 TURN = 25  # QPs that a solver solves before it is the next one's turn: a machine that is busy is so for all of them

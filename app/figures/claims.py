@@ -9,8 +9,8 @@ from app.figures import measures
 from app.figures.solve_time import SolveTimes
 from app.figures.walks import AS_SHIPPED, SPREAD, SPREAD_HEAVY, TOUCH, Walks
 from walkcore import Recording
-from walkcore.recovery import Recovery
-from walkcore.walk import cop_error, ticks_relaxed
+from walkcore.analysis.columns import cop_error, ticks_relaxed
+from walkcore.analysis.recovery import Recovery
 
 LABELS = {"speed_only": "(17)", "speed_and_jerk": "(19), γ = 0", "full": "(19)", "mean_speed": "(31)"}
 SAME = 0.05  # relative difference below which a number is the paper's

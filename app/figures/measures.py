@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from walkcore import Recording
-from walkcore.gait import Phase
-from walkcore.margins import support_margins
-from walkcore.recovery import Recovery, recoveries
-from walkcore.regions import mirrored, polygon
+from walkcore.analysis.columns import points, touchdowns
+from walkcore.analysis.margins import support_margins
+from walkcore.analysis.recovery import Recovery, recoveries
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.regions import mirrored, polygon
 from walkcore.values import Vector
-from walkcore.walk import points, touchdowns
 
 Mask = NDArray[np.bool_]
 

@@ -20,15 +20,15 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 from mcap.writer import CompressionType, Writer
 
-from app import palette
+from app.drawing import palette
+from app.drawing.outlines import support_polygon
 from app.formats import foxglove as fg
 from app.formats.units import COUNTS, unit
-from app.outlines import support_polygon
 from walkcore import Recording, Snapshot
-from walkcore.gait import Footstep, Side
-from walkcore.regions import sole_vertices
-from walkcore.replay import replayed
+from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.regions import sole_vertices
 from walkcore.robot import BodyModel
+from walkcore.scenario.replay import replayed
 
 FRAME_PERIOD = 1 / 30  # [s] of the scene
 LIBRARY = "walk"

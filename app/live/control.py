@@ -16,8 +16,8 @@ from app.live.random_pushes import RandomPusher
 from app.live.session import SessionLog
 from app.live.state import Counts, LiveState, RandomPushes
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
-from walkcore.pattern_generator import Status
-from walkcore.push_follower import PushFollower, moment_of
+from walkcore.analysis.push_follower import PushFollower, moment_of
+from walkcore.mpc.pattern_generator import Status
 from walkcore.stages import Stopwatch
 
 logger = logging.getLogger(__name__)

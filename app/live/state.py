@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from app.live.pace import Timing
 from walkcore import Snapshot
-from walkcore.push_follower import FollowedPush
+from walkcore.analysis.push_follower import FollowedPush
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from walkcore.analysis.columns import BodyUse
 from walkcore.errors import InvalidValueError
 from walkcore.values import Vector
-from walkcore.walk import BodyUse
 
 NEEDED = ("scenario", "parameters", "versions", "metrics")
 """Keys of run.json without which there is nothing to report."""

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from app import palette
-from app.figures.drawing import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, figure, ink, legend, sole_key
+from app.drawing import palette
+from app.drawing.axes import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, figure, ink, legend, sole_key
 from app.report.loading import LoadedRun
-from walkcore.gait import Side
-from walkcore.margins import divergent_component, support_margins
-from walkcore.pattern_generator import Status
+from walkcore.analysis.columns import cop_error, heading_velocity, points, push_rows, reference_changes
+from walkcore.analysis.margins import divergent_component, support_margins
+from walkcore.mpc.gait import Side
+from walkcore.mpc.pattern_generator import Status
 from walkcore.values import Vector
-from walkcore.walk import cop_error, heading_velocity, points, push_rows, reference_changes
 
 HIGHEST = 7.0  # [in] of the view from above
 PUSH_LENGTH = 0.015  # [m per N s] of an arrow

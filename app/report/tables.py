@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.report.loading import LoadedRun
-from walkcore.expectations import METRICS
+from walkcore.scenario.expectations import METRICS
 
 Rows = list[list[str]]
 MOST_JOINTS = 10

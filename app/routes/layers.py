@@ -5,9 +5,9 @@ import asyncio
 from fastapi import APIRouter
 from pydantic import StrictBool
 
+from app.http.schemas import ErrorBody
 from app.routes.connection import LiveViewer
-from app.schemas import ErrorBody
-from app.viewer.view_tab import DEFAULTS
+from app.viewer.panel.view_tab import DEFAULTS
 
 router = APIRouter(prefix="/api/v1/live/layers", tags=["live"])
 

@@ -6,10 +6,8 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
-from app.routes.connection import LiveRunner
-from app.routes.runs import AllRuns
-from app.run_schemas import RunBody, address, run_body
-from app.schemas import (
+from app.http.run_schemas import RunBody, address, run_body
+from app.http.schemas import (
     ErrorBody,
     PushBody,
     RandomPushesBody,
@@ -20,6 +18,8 @@ from app.schemas import (
     live_json,
     preview_json,
 )
+from app.routes.connection import LiveRunner
+from app.routes.runs import AllRuns
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
 

@@ -9,12 +9,12 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
-from app.body_limit import MAX_BODY
 from app.formats import FORMATS
-from app.run_schemas import RunBody, RunSummary, address, run_body, run_summary
+from app.http.body_limit import MAX_BODY
+from app.http.run_schemas import RunBody, RunSummary, address, run_body, run_summary
+from app.http.scenario_schema import ScenarioBody
+from app.http.schemas import ErrorBody
 from app.runs import Run, Runs
-from app.scenario_schema import ScenarioBody
-from app.schemas import ErrorBody
 
 EVENT_PERIOD = 0.2  # [s] between looks at a run that is followed
 

@@ -7,10 +7,10 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
+from app.http.metrics import SERVER, memory_of
+from app.http.schemas import Health, RobotBody, late_json, robot_body
 from app.live.runner import LiveState
-from app.metrics import SERVER, memory_of
 from app.routes.connection import LiveRunner
-from app.schemas import Health, RobotBody, late_json, robot_body
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
 SLOW = 0.95  # real-time factor below which a walk is degraded

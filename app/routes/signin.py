@@ -7,7 +7,7 @@ from urllib.parse import parse_qs, quote
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse, RedirectResponse
 
-from app.token import SIGN_IN, Token
+from app.http.token import SIGN_IN, Token
 
 COOKIE_LASTS = 30 * 24 * 3600  # [s]
 WRONG_TAKES = 1.0  # [s] so that guessing does

@@ -10,10 +10,10 @@ import msgspec
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from app.errors import field_errors, summary
+from app.http.errors import field_errors, summary
+from app.http.schemas import TeleopMessage, live_json
 from app.live.hand import Hand
 from app.routes.connection import LiveRunner
-from app.schemas import TeleopMessage, live_json
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 

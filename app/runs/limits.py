@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from walkcore.errors import InvalidValueError, UnknownNameError
-from walkcore.scenario import Scenario, scenario_from_mapping
+from walkcore.scenario.scenario import Scenario, scenario_from_mapping
 from walkcore.values import check_range, check_text
 
 MAX_NESTING = 16  # lists and mappings within each other; a scenario has five

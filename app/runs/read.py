@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from walkcore.recording import Recording
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.recording import Recording
+from walkcore.scenario.scenario import scenario_from_mapping
 
 
 def read_run(folder: Path) -> tuple[Recording, str]:

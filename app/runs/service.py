@@ -16,7 +16,7 @@ from app.runs.limits import Limits, checked_scenario
 from app.runs.pool import Pool
 from app.runs.run import Run
 from app.runs.store import DataInUseError, RunStore
-from walkcore.recording import Recording
+from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
 

@@ -19,8 +19,8 @@ from app.formats import FORMATS
 from app.runs.read import read_run
 from app.runs.run import Progress
 from walkcore import WalkError
-from walkcore.recording import record
-from walkcore.scenario import scenario_from_mapping
+from walkcore.scenario.recording import record
+from walkcore.scenario.scenario import scenario_from_mapping
 
 NICENESS = 15  # of 19: what is left of the processor
 EXIT_TIMEOUT = 5.0  # [s] a killed process may take to be gone

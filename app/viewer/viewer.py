@@ -1,6 +1,6 @@
 """Shows the runner's latest snapshot in a viser scene, at a steady rate, while somebody looks.
 
-viser listens on a loopback port of its own, which `app.proxy` serves to the outside.
+viser listens on a loopback port of its own, which `app.http.proxy` serves to the outside.
 """
 
 import asyncio
@@ -15,13 +15,13 @@ import viser
 from viser import _messages
 
 from app.live.runner import Runner
-from app.viewer.audience import Audience
-from app.viewer.frame_cost import FrameCost
-from app.viewer.grab import Grab
-from app.viewer.light_clients import spare_light_clients
-from app.viewer.panel import Panel
-from app.viewer.scene import Look, Scene
-from app.viewer.view_tab import DEFAULTS
+from app.viewer.panel.panel import Panel
+from app.viewer.panel.view_tab import DEFAULTS
+from app.viewer.scene.grab import Grab
+from app.viewer.scene.scene import Look, Scene
+from app.viewer.transport.audience import Audience
+from app.viewer.transport.frame_cost import FrameCost
+from app.viewer.transport.light_clients import spare_light_clients
 from walkcore.errors import InvalidValueError
 
 logger = logging.getLogger(__name__)

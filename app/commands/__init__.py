@@ -1,0 +1,1 @@
+"""The `walk` command: one module for each group of subcommands."""

@@ -1,0 +1,155 @@
+"""Make a humanoid walk by linear MPC: serve it on a page, or simulate scenarios."""
+
+import os
+
+# The matrices of the walk are small: threads of the algebra library only fight with each other over them.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import logging
+import signal
+import sys
+from dataclasses import dataclass, field
+from json import dumps
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from pydantic import ValidationError
+
+from app.commands.runs import Compare, Report, Run, Scenarios
+from app.settings import Settings
+from walkcore import Parameters, WalkError, load_robot, robot_names
+
+
+@dataclass(frozen=True, slots=True)
+class Serve:
+    """Serve the page, the scene and the API on one port."""
+
+    host: str = field(default_factory=lambda: Settings().host)
+    """Address to listen on (environment: HOST)."""
+    port: int = field(default_factory=lambda: Settings().port)
+    """Port to listen on, 0 for a free one (environment: PORT)."""
+    robot: str = field(default_factory=lambda: Settings().robot)
+    """Robot that walks on the page (environment: ROBOT)."""
+    scene: Literal["full", "light"] = field(default_factory=lambda: Settings().scene)
+    """Light for browsers that render without a graphics card (environment: SCENE)."""
+
+    def __call__(self) -> None:
+        """Serve until interrupted."""
+        from app.commands.serve import (
+            serve,  # the server's libraries take a second to load; the other commands need none
+        )
+
+        serve(Settings(host=self.host, port=self.port, robot=self.robot, scene=self.scene))
+
+
+@dataclass(frozen=True, slots=True)
+class Robots:
+    """List the robots that ship."""
+
+    def __call__(self) -> None:
+        """Print name and limits of each."""
+        for name in robot_names():
+            robot = load_robot(name)
+            limits = ", ".join(f"{key} {low:g} to {high:g}" for key, (low, high) in robot.max_reference.items())
+            print(f"{name:8} {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
+
+
+@dataclass(frozen=True, slots=True)
+class Footholds:
+    """Find out where a robot may put its feet, by trying thousands of steps."""
+
+    robot: tyro.conf.Positional[str]
+    """Name of one with a body (see `walk robots`)."""
+    out: Path = Path("footholds")
+    """Folder for footholds.yaml, footholds.csv and footholds.svg."""
+    samples: int = 3000
+    """Placements to try, before those along the edges of the polygons."""
+    seed: int = 0
+    """Of the samples: the same seed gives the same polygons."""
+    com_height: float | None = None
+    """Of the CoM above the ground in metres; the robot's own if not given."""
+
+    def __call__(self) -> None:
+        """Try, sum up, write and tell."""
+        from app.footholds.report import summary, write  # draws: a library that takes a second to load
+        from app.footholds.study import study
+        from app.settings import usable_cores
+
+        found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
+        write(found, self.out)
+        print(summary(found), end="")
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Make the paper's figures, and a report of its claims beside what was measured."""
+
+    out: Path
+    """Folder for a folder of figures of each robot, and for report.md."""
+    robots: tuple[Literal["hrp2", "talos"], ...] = ("hrp2", "talos")
+    """Whose figures."""
+    formats: tuple[Literal["svg", "pdf", "png"], ...] = ("svg", "pdf")
+    """Endings of their files."""
+    control_period: float = Parameters().control_period
+    """From one tick to the next [s]; 0.1 is exactly the paper's scheme."""
+
+    def __call__(self) -> None:
+        """Simulate, draw and measure."""
+        from app.figures import make_figures  # the plotting library takes a second to load
+
+        make_figures(self.out, self.robots, self.formats, self.control_period, tell=print)
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Measure what a tick costs: by stage, by solver, and against real time."""
+
+    json: bool = False
+    """Print JSON."""
+
+    def __call__(self) -> None:
+        """Measure and print."""
+        from app.bench import bench, table  # the other commands need none of the solvers it compares
+
+        result = bench(tell=lambda what: print(f"measuring {what} ...", file=sys.stderr))
+        print(dumps(result.to_mapping(), indent=2) if self.json else table(result), end="\n" if self.json else "")
+
+
+SubCommand = (
+    Annotated[Serve, tyro.conf.subcommand("serve")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Figures, tyro.conf.subcommand("figures")]
+    | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
+    | Annotated[Robots, tyro.conf.subcommand("robots")]
+    | Annotated[Footholds, tyro.conf.subcommand("footholds")]
+)
+
+
+def main() -> None:
+    """Run the command, whose exit code is what it returns; what the user can correct is one line on stderr and 2."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    try:
+        command = tyro.cli(SubCommand, prog="walk", description=__doc__, config=(tyro.conf.OmitArgPrefixes,))
+        code = command()
+        sys.stdout.flush()
+    except ValidationError as error:
+        problems = "; ".join(f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}" for e in error.errors())
+        _give_up(problems)
+    except BrokenPipeError:  # whoever reads has read enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
+        sys.exit(128 + signal.SIGPIPE)
+    except (WalkError, OSError) as error:
+        _give_up(str(error))
+    except KeyboardInterrupt:
+        sys.exit(130)
+    else:
+        sys.exit(code)
+
+
+def _give_up(reason: str) -> None:
+    print(f"walk: {reason}", file=sys.stderr)
+    sys.exit(2)

@@ -1,0 +1,155 @@
+"""The commands of `walk` around runs: run, compare, report, scenarios."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from app.settings import usable_cores
+from walkcore import load_scenario, scenario_names
+from walkcore.errors import InvalidValueError
+from walkcore.scenario.expectations import Verdict
+
+Ending = Literal["npz", "csv", "parquet", "mcap", "html"]
+BROKEN = 1
+"""Exit code of a run that does not keep its scenario's expectations."""
+FAILED = 2
+"""Exit code where there is no run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Simulate scenarios as fast as the machine can, and write their recordings.
+
+    Exit code: 0 if every expectation of the scenarios holds, 1 if one does not, 2 for bad input.
+    """
+
+    scenarios: tyro.conf.Positional[tuple[str, ...]]
+    """Names of some that ship (see `walk scenarios`), or files."""
+    out: Path
+    """Folder for run.json and the recording; of several scenarios each gets a folder of its own in there."""
+    formats: Annotated[tuple[Ending, ...], tyro.conf.arg(name="format")] = ("npz", "csv")
+    """Files of the recording: NumPy, CSV, Parquet, MCAP (Foxglove), a 3-D replay in a page."""
+    jobs: int = 0
+    """Scenarios simulated at the same time; 0 for as many as there are cores."""
+
+    def __call__(self) -> int:
+        """Simulate, write, and tell what became of the expectations."""
+        from app.commands.batch import Job, simulate
+
+        if not self.scenarios:
+            raise InvalidValueError("scenarios", [], "name at least one; `walk scenarios` lists those that ship")
+        jobs = [Job(name, folder, self.formats) for name, folder in zip(self.scenarios, self._folders(), strict=True)]
+        code = 0
+        for outcome in simulate(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):
+            if outcome.error:
+                print(f"walk: {outcome.name}: {outcome.error}", file=sys.stderr)
+                code = FAILED
+                continue
+            factor = outcome.simulated / outcome.elapsed
+            print(
+                f"{outcome.name}: {outcome.nb_ticks} ticks of {outcome.robot} written to {outcome.job.folder}"
+                f" ({factor:.3g} times real time){_fall(outcome.reason)}"
+            )
+            _tell(outcome.verdicts)
+            if not outcome.is_as_expected:
+                code = max(code, BROKEN)
+        return code
+
+    def _folders(self) -> Sequence[Path]:
+        """One for each scenario; reads them all, so that bad input is told before anything runs."""
+        names = [Path(source).stem if Path(source).is_file() else source for source in self.scenarios]
+        for source in self.scenarios:
+            load_scenario(source)
+        if len(names) == 1:
+            return [self.out]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise InvalidValueError("scenarios", twice, "is named twice: their folders would be the same")
+        return [self.out / name for name in names]
+
+
+def _fall(reason: str) -> str:
+    return f"; the robot fell: {reason}" if reason else ""
+
+
+def _tell(verdicts: Sequence[Verdict]) -> None:
+    """What holds in one line, what does not in one each."""
+    nb_kept = sum(verdict.holds for verdict in verdicts)
+    if nb_kept:
+        print(f"  {nb_kept} of {len(verdicts)} expectations hold")
+    for verdict in verdicts:
+        if not verdict.holds:
+            measured = "not measured in this run" if verdict.measured is None else f"measured {verdict.measured:.4g}"
+            print(f"  BROKEN: {verdict.name} = {verdict.bound}, {measured}")
+
+
+@dataclass(frozen=True, slots=True)
+class Compare:
+    """Put runs side by side: a table of their metrics and, with --out, figures that lay one over the other."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Two or more folders that `walk run` wrote."""
+    out: Path | None = None
+    """Folder for comparison.html, comparison.md and their figures; none prints the table only."""
+
+    def __call__(self) -> None:
+        """Print, and write if asked."""
+        from app.report import comparison_rows, load_run, write_comparison  # draws: takes a second to load
+
+        if len(self.runs) < 2:
+            raise InvalidValueError("runs", [str(run) for run in self.runs], "name at least two folders")
+        runs, names = [load_run(folder) for folder in self.runs], _told_apart(self.runs)
+        rows = comparison_rows(runs, names)
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        for row in rows:
+            print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        if self.out is not None:
+            _, page = write_comparison(runs, names, self.out)
+            print(f"written to {page}")
+
+
+def _told_apart(folders: Sequence[Path]) -> list[str]:
+    """The folders' own names, or their whole paths where those are the same."""
+    names = [folder.resolve().name for folder in folders]
+    return names if len(set(names)) == len(names) else [str(folder) for folder in folders]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Write a report on a run: its metrics, expectations and figures."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder that `walk run` wrote."""
+    out: Path | None = None
+    """Folder for report.html, report.md and their figures; the run's own if not given."""
+
+    def __call__(self) -> None:
+        """Read, draw, write."""
+        from app.report import load_run, write_report  # draws: takes a second to load
+
+        _, page = write_report(load_run(self.run), self.run if self.out is None else self.out)
+        print(f"written to {page}")
+
+
+@dataclass(frozen=True, slots=True)
+class Scenarios:
+    """List the scenarios that ship."""
+
+    schema: bool = False
+    """Print the JSON schema of a scenario file instead."""
+
+    def __call__(self) -> None:
+        """Print name, robot, duration and description of each, or the schema."""
+        if self.schema:
+            from app.http.scenario_schema import scenario_schema
+
+            print(json.dumps(scenario_schema(), indent=2))
+            return
+        for name in scenario_names():
+            scenario = load_scenario(name)
+            print(f"{name:28} {scenario.robot.name:6} {scenario.duration:3g} s  {scenario.description}")

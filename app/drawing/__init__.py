@@ -1,0 +1,1 @@
+"""Colours and vector drawings of walks, shared by figures, reports and exports."""

@@ -1,0 +1,126 @@
+"""Refusals in one shape: `{"detail": "...", "errors": [{"field", "value", "limit"}]}`."""
+
+import math
+import reprlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic_core import ErrorDetails
+from starlette.exceptions import HTTPException
+
+from app.http.schemas import ErrorBody, FieldError
+from app.live.runner import NoAnswerError, NothingToSaveError, NotPausedError
+from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
+from walkcore.errors import InvalidValueError, WalkError
+
+MAX_ERRORS = 20  # of one body that are told
+MAX_SHOWN = 100  # characters of a refused value that are sent back
+# What the core calls what here is the body.
+BODIES = ("reference", "push", "parameters", "scenario", "speed", "random_pushes")
+
+
+def install(app: FastAPI) -> None:
+    """Give every refusal the one shape."""
+    app.add_exception_handler(HTTPException, _refuse_request)
+    app.add_exception_handler(RequestValidationError, _refuse_body)
+    app.add_exception_handler(InvalidValueError, _refuse_value)
+    app.add_exception_handler(WalkError, _refuse_walk)
+    app.add_exception_handler(NotPausedError, _refuse_now)
+    app.add_exception_handler(NothingToSaveError, _refuse_now)
+    app.add_exception_handler(NoAnswerError, _cannot_answer)
+    app.add_exception_handler(NoRecordingError, _refuse_now)
+    app.add_exception_handler(UnknownRunError, _refuse_unknown)
+    app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
+
+
+def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
+    """Pydantic's errors as ours.
+
+    Args:
+        errors: as `ValidationError.errors()` gives them.
+        outermost: how many of the first parts of a field's path to leave out.
+    """
+    return [_field_error(error, outermost) for error in errors[:MAX_ERRORS]]
+
+
+def summary(errors: Sequence[FieldError]) -> str:
+    """For a person: each field, its value and its limit."""
+    return "; ".join(f"{error.field} = {error.value!r}: {error.limit}" for error in errors)
+
+
+def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
+    path = _readable(".".join(str(part) for part in error["loc"][outermost:]))
+    if error["type"] == "json_invalid":
+        return FieldError(field="body", value=None, limit=f"is not JSON: {error.get('ctx', {}).get('error', '')}")
+    if error["type"] == "missing":
+        return FieldError(field=path or "body", value=None, limit="is missing")
+    if error["type"] == "extra_forbidden":
+        return FieldError(field=path, value=_shown(error["input"]), limit="is unknown")
+    is_unread = isinstance(error["input"], bytes)
+    limit = "must be JSON, sent as Content-Type: application/json" if is_unread else error["msg"]
+    return FieldError(field=path or "body", value=_shown(error["input"]), limit=limit)
+
+
+def _shown(value: Any) -> Any:
+    """A refused value as JSON can carry it: NaN, infinities and what is not a plain value as text, none long."""
+    is_number = isinstance(value, (int, float)) and abs(value) < math.inf
+    # reprlib, as the text of a deeply nested value is more than Python can write
+    text = value if isinstance(value, str) else reprlib.repr(value)
+    return value if value is None or is_number else _readable(text)
+
+
+def _readable(text: str) -> str:
+    """Text of a stranger as JSON can carry it, not long."""
+    return text[:MAX_SHOWN].encode(errors="replace").decode()
+
+
+def _answer(
+    status: int, detail: str, errors: Sequence[FieldError] = (), headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    return JSONResponse(ErrorBody(detail=detail, errors=list(errors)).model_dump(), status, headers)
+
+
+async def _refuse_request(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    if error.status_code == 400:  # only from FastAPI, for JSON that no parser can take: nested or digits beyond limit
+        return _answer(422, error.detail, [FieldError(field="body", value=None, limit="is not JSON that can be read")])
+    return _answer(error.status_code, error.detail, headers=error.headers)
+
+
+async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    errors = field_errors(error.errors(), outermost=1)  # "body" or "query"
+    return _answer(422, summary(errors), errors)
+
+
+async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, InvalidValueError)
+    # The core says reference.vx; here the body is the reference. Of events[0].reference.vx all is needed.
+    whole = error.field.partition(".")[0]
+    field = error.field.removeprefix(f"{whole}.") if whole in BODIES else error.field
+    errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
+    return _answer(422, summary(errors), errors)
+
+
+async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
+    return _answer(422, str(error))
+
+
+async def _cannot_answer(_: Request, error: Exception) -> JSONResponse:
+    return _answer(503, str(error))
+
+
+async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:
+    return _answer(404, str(error))
+
+
+async def _refuse_for_a_while(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RunsUnavailableError)
+    return _answer(503, str(error), headers={"Retry-After": str(error.retry_after)})
+
+
+async def _refuse_now(_: Request, error: Exception) -> JSONResponse:
+    return _answer(409, str(error))

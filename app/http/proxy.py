@@ -1,0 +1,129 @@
+"""viser behind our own port: its page at `/viewer/`, its websocket at `/viewer`.
+
+viser's client opens the websocket at its page's address without the trailing slash, or
+where the page's `websocket` parameter says: `/viewer/light` draws less, and `client` names the
+page, so that it can be told whose sliders drive.
+It has no authentication and takes any Origin, so it listens on the loopback only, and
+`app.http.origin` refuses foreign pages before they come here.
+"""
+
+import asyncio
+import gzip
+import hashlib
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlencode
+
+import viser
+from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import WebSocketException
+
+from app.viewer import LIGHT_PATH
+
+CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
+RECEIVE_BUFFER = 16 * 1024  # bytes; what waits here for a slow browser cannot be overtaken by newer poses
+GOODBYE = 0.2  # [s] viser's answer to a close is waited for; behind poses that nobody takes it never comes
+TRY_AGAIN_LATER = 1013
+
+Client = Annotated[str, Query(max_length=64)]
+
+
+@dataclass(frozen=True, slots=True)
+class ClientPage:
+    """viser's page: 0.8 MB that never change while the server runs, so packed once."""
+
+    plain: bytes
+    packed: bytes
+    """By gzip."""
+    tag: str
+
+    def answer(self, request: Request) -> Response:
+        """The page, or word that the browser has it."""
+        headers = {"Cache-Control": "no-cache", "ETag": self.tag, "Vary": "Accept-Encoding"}
+        if request.headers.get("if-none-match") == self.tag:
+            return Response(status_code=304, headers=headers)
+        if "gzip" not in request.headers.get("accept-encoding", ""):
+            return Response(self.plain, media_type="text/html", headers=headers)
+        return Response(self.packed, media_type="text/html", headers=headers | {"Content-Encoding": "gzip"})
+
+
+@cache
+def _client_page() -> ClientPage:
+    plain = CLIENT.read_bytes()
+    return ClientPage(plain, gzip.compress(plain), f'W/"{hashlib.sha256(plain).hexdigest()[:16]}"')
+
+
+def viewer_router(port: Callable[[], int]) -> APIRouter:
+    """Routes that lead to the viser server on a port of the loopback."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/viewer/")
+    async def page(request: Request) -> Response:
+        return _client_page().answer(request)
+
+    @router.websocket("/viewer")
+    async def scene(browser: WebSocket, client: Client = "") -> None:
+        await _lead(browser, port(), f"/?{urlencode({'client': client})}")
+
+    @router.websocket("/viewer/light")
+    async def light_scene(browser: WebSocket, client: Client = "") -> None:
+        await _lead(browser, port(), f"{LIGHT_PATH}?{urlencode({'client': client})}")
+
+    return router
+
+
+async def _lead(browser: WebSocket, port: int, path: str) -> None:
+    """Connect a browser with viser."""
+    try:
+        upstream = await _connect(port, path, browser.scope["subprotocols"])
+    except (OSError, WebSocketException):
+        await browser.close(TRY_AGAIN_LATER)
+        return
+    async with upstream:
+        await browser.accept(subprotocol=upstream.subprotocol)
+        await _relay(browser, upstream)
+
+
+async def _connect(port: int, path: str, subprotocols: list[str]) -> ClientConnection:
+    """Open a websocket to viser, which closes one that does not name its subprotocol."""
+    end = socket.socket()
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+    end.setblocking(False)
+    await asyncio.get_running_loop().sock_connect(end, ("127.0.0.1", port))
+    return await connect(
+        f"ws://127.0.0.1:{port}{path}",
+        sock=end,
+        subprotocols=subprotocols,  # pyright: ignore[reportArgumentType]  # Subprotocol is a str
+        compression=None,
+        close_timeout=GOODBYE,
+        max_size=None,
+        max_queue=2,
+    )
+
+
+async def _relay(browser: WebSocket, upstream: ClientConnection) -> None:
+    """Pass messages both ways until one side closes."""
+
+    async def down() -> None:
+        async for message in upstream:
+            await (browser.send_text(message) if isinstance(message, str) else browser.send_bytes(message))
+        await browser.close()
+
+    async def up() -> None:
+        while (message := await browser.receive())["type"] == "websocket.receive":
+            await upstream.send(message.get("bytes") or message.get("text") or b"")
+
+    pumps = [asyncio.ensure_future(pump()) for pump in (down, up)]
+    try:
+        await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for pump in pumps:
+            pump.cancel()
+        for outcome in await asyncio.gather(*pumps, return_exceptions=True):
+            if isinstance(outcome, Exception) and not isinstance(outcome, (WebSocketDisconnect, WebSocketException)):
+                raise outcome

@@ -1,0 +1,237 @@
+"""What crosses the edge: bodies of requests, checked, and the live snapshot as JSON."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+from app.drawing.outlines import foothold_regions, is_caught, support_polygon
+from app.live.pace import LATENESS_EDGES, Timing
+from app.live.runner import INTERVALS, SPEEDS, LiveState
+from walkcore import Parameters, Push, Reference, Robot, Snapshot
+from walkcore.scenario.recording import row
+
+
+class Body(BaseModel):
+    """Of a request: unknown keys, NaN, infinities and numbers as text are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class ReferenceBody(Body):
+    """Velocity asked of the CoM, in the robot's heading frame. What is missing is zero."""
+
+    vx: FiniteFloat = Field(default=0.0, description="Forward [m/s].")
+    vy: FiniteFloat = Field(default=0.0, description="To the left [m/s].")
+    yaw_rate: FiniteFloat = Field(default=0.0, description="Counter-clockwise [rad/s].")
+
+    def to_reference(self) -> Reference:
+        """As the core knows it."""
+        return Reference(self.vx, self.vy, self.yaw_rate)
+
+
+class PushBody(Body):
+    """An impulse on the CoM."""
+
+    impulse: list[FiniteFloat] = Field(min_length=2, max_length=2, description="[N s]")
+    duration: FiniteFloat = Field(default=0.0, ge=0.0, description="[s]; zero gives it all in one tick.")
+    frame: Literal["robot", "world"] = Field(default="robot", description="Of the impulse.")
+
+    def to_push(self) -> Push:
+        """As the core knows it."""
+        return Push(self.impulse, self.duration, self.frame)  # type: ignore[arg-type]  # a list becomes an array
+
+
+class StepBody(Body):
+    """Single ticks of a paused robot, or up to a sample of the gait's grid; one tick if nothing is said."""
+
+    ticks: int | None = Field(default=None, ge=1, le=1000)
+    samples: int | None = Field(default=None, ge=1, le=50, description="1 goes to the next sample, and so on.")
+
+    @model_validator(mode="after")
+    def _has_one(self) -> Self:
+        if self.ticks is not None and self.samples is not None:
+            raise ValueError("give ticks or samples, not both")
+        return self
+
+
+class SpeedBody(Body):
+    """How fast simulated time passes."""
+
+    factor: FiniteFloat = Field(ge=SPEEDS[0], le=SPEEDS[1], description="Simulated over real time.")
+
+
+class RandomPushesBody(Body):
+    """Pushes that come by themselves, from all sides."""
+
+    strength: FiniteFloat = Field(ge=0.0, description="Of the strongest [N s]; zero switches them off.")
+    interval: FiniteFloat = Field(
+        default=5.0, ge=INTERVALS[0], le=INTERVALS[1], description="Mean time from one to the next [s]."
+    )
+    seed: int | None = Field(default=None, ge=0, lt=2**32, description="The same seed gives the same pushes.")
+
+
+class SaveBody(Body):
+    """What to keep of the live robot."""
+
+    name: str = Field(default="", max_length=200, description="Of the run; the time of day if it is empty.")
+    before_reset: bool = Field(default=False, description="The walk before the last reset instead of the present one.")
+
+
+class TeleopMessage(Body):
+    """What a joystick sends: a reference, a push, or both."""
+
+    reference: ReferenceBody | None = None
+    push: PushBody | None = None
+    driver: Literal["joystick", "keyboard", "gamepad", "button"] = Field(default="joystick", description="In the hand.")
+    grip: int | None = Field(
+        default=None,
+        ge=0,
+        description="Grows each time the hand takes hold anew. A reference from an older grip than another hand's "
+        "is ignored while that one drives; without a number each message takes hold.",
+    )
+
+
+class FieldError(BaseModel):
+    """One value that was refused."""
+
+    field: str
+    value: Any
+    limit: str
+
+
+class ErrorBody(BaseModel):
+    """What every refused request answers."""
+
+    detail: str
+    """For a person."""
+    errors: list[FieldError] = []
+    """For a program: each value beyond its limit."""
+
+
+class Limits(BaseModel):
+    """What may be asked of a robot."""
+
+    vx: tuple[float, float] = Field(description="[m/s]")
+    vy: tuple[float, float] = Field(description="[m/s]")
+    yaw_rate: tuple[float, float] = Field(description="[rad/s]")
+    push: float = Field(description="Strength of the strongest impulse [N s].")
+
+
+class RobotBody(BaseModel):
+    """A robot that ships."""
+
+    name: str
+    mass: float = Field(description="[kg]")
+    com_height: float = Field(description="[m]")
+    has_body: bool = Field(description="False for a point mass with feet.")
+    limits: Limits
+
+
+class Health(BaseModel):
+    """Whether the walk keeps up with real time, and what it costs."""
+
+    status: Literal["ok", "degraded"]
+    reason: str = Field(description="Why it is degraded.")
+    version: str
+    robot: str
+    tick_rate: float = Field(description="Ticks per simulated second [Hz].")
+    speed: float = Field(description="Simulated over real time that is asked for.")
+    real_time_factor: float = Field(description="What is reached of that speed, over the last seconds.")
+    tick_ms: float = Field(description="Smoothed mean of a tick's computation [ms].")
+    tick_ms_max: float = Field(description="Largest of the last second [ms].")
+    misses: int = Field(description="Ticks that started more than one period late.")
+    late: dict[str, int] = Field(description="Ticks that started later than so many ms.")
+    control_process: int = Field(description="Process in which the ticks are taken.")
+    memory_mb: float = Field(description="Resident memory of the server and its control process [MB].")
+    uptime: float = Field(description="[s]")
+    clients: int = Field(description="Open streams of the live snapshot.")
+
+
+def robot_body(robot: Robot) -> RobotBody:
+    """A robot for a reader."""
+    limits = Limits(**robot.max_reference, push=robot.max_push)  # type: ignore[arg-type]  # its keys are ours
+    return RobotBody(
+        name=robot.name,
+        mass=robot.mass,
+        com_height=robot.com_height,
+        has_body=robot.body is not None,
+        limits=limits,
+    )
+
+
+def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
+    """The live snapshot: the columns of a recording, the plan, and how the walk keeps up. NaN becomes null."""
+    snapshot = state.snapshot
+    return {name: value if math.isfinite(value) else None for name, value in row(snapshot).items()} | {
+        "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
+        "plan": plan_json(snapshot, robot),
+        "timing": _timing_json(state),
+        "running": state.running,
+        "speed": state.speed,
+        "real_t": state.real_t,
+        "driver": state.driver,
+        "driver_client": state.driver_client,
+        "last_push": None if state.last_push is None else asdict(state.last_push),
+        "random_pushes": None if state.random_pushes is None else asdict(state.random_pushes),
+        "reason": snapshot.reason,
+        "fault": state.fault,
+    }
+
+
+def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> dict[str, Any]:
+    """What a push would lead to."""
+    return {
+        "status": snapshot.status.value,
+        "survives": is_caught(robot, snapshot, parameters),
+        "plan": plan_json(snapshot, robot),
+    }
+
+
+def late_json(timing: Timing) -> dict[str, int]:
+    """Ticks that started later than each edge, by the edge in ms."""
+    return {f"{1e3 * edge:g}": timing.later_than(edge) for edge in LATENESS_EDGES}
+
+
+def _timing_json(state: LiveState) -> dict[str, Any]:
+    timing = state.timing
+    return {
+        "tick_ms": timing.tick_ms,
+        "tick_ms_max": timing.tick_ms_max,
+        "stages": dict(timing.stages),
+        "ticks": timing.ticks,
+        "misses": timing.misses,
+        "late": late_json(timing),
+        "late_ms_max": 1e3 * timing.lateness_max,
+        "real_time_factor": timing.real_time_factor,
+        "relaxed": state.counts.relaxed,
+        "failed": state.counts.failed,
+    }
+
+
+def plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+    """Empty once the robot has fallen, but for the ground it lies on."""
+    plan = snapshot.plan
+    footholds = () if plan is None else plan.footholds
+    return {
+        "times": [] if plan is None else plan.times.tolist(),
+        "com": [] if plan is None else plan.com.tolist(),
+        "cop": [] if plan is None else plan.cop.tolist(),
+        "footholds": [
+            {
+                "x": float(foot.position[0]),
+                "y": float(foot.position[1]),
+                "yaw": foot.yaw,
+                "side": foot.side.value,
+                "region": region.tolist(),
+            }
+            for foot, region in zip(footholds, foothold_regions(robot, snapshot), strict=True)
+        ],
+        "support_polygon": support_polygon(robot, snapshot).tolist(),
+    }
+
+
+def _finite(values: Iterable[float]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values]

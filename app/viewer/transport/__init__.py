@@ -1,0 +1,1 @@
+"""How changes of the scene reach the browsers: collected, encoded once, sent to whoever has room."""

@@ -1,0 +1,1 @@
+"""Metrics of a walk, computed from the columns of its recording."""

@@ -1,0 +1,52 @@
+"""How far points are inside the support polygon: the CoP, and the divergent component of motion.
+
+    xi = c + dc / omega
+
+is where the pendulum can be brought to rest: while the DCM xi is inside, the robot need not step.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from walkcore.analysis.columns import Walk, points
+from walkcore.mpc.gait import Footstep, Phase, Side
+from walkcore.mpc.regions import HalfPlanes, polygon, sole_vertices
+from walkcore.values import Matrix, Vector
+
+
+def divergent_component(walk: Walk) -> Matrix:
+    """The DCM of each tick, world frame [m], shape (ticks, 2)."""
+    omega = math.sqrt(walk.parameters["gravity"] / walk.parameters["com_height"])
+    return points(walk, "com") + np.column_stack([walk["com_vx"], walk["com_vy"]]) / omega
+
+
+def support_margins(walk: Walk, places: Matrix) -> Vector:
+    """From a point to the nearest edge of the support polygon at each tick [m]; negative outside, shape (ticks,).
+
+    Args:
+        walk: whose soles on the ground span the polygon.
+        places: one point a tick, shape (ticks, 2).
+    """
+    margins = np.empty(len(places))
+    for rows, ground in _grounds(walk):
+        along = places[rows] @ ground.normals.T
+        margins[rows] = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
+    return margins
+
+
+def _grounds(walk: Walk) -> Iterator[tuple[slice, HalfPlanes]]:
+    """Rows between which the soles on the ground do not change, and their hull."""
+    is_single = walk["phase"] == Phase.SINGLE_SUPPORT
+    feet = np.stack([[walk[f"{foot}_{name}"] for name in ("x", "y", "yaw")] for foot in ("left", "right")])
+    in_air = np.stack([is_single & (walk["support_side"] == side.other) for side in Side])
+    feet[np.broadcast_to(in_air[:, None], feet.shape)] = math.nan
+    state = feet.reshape(6, -1)
+    changed = np.any((state[:, 1:] != state[:, :-1]) & ~(np.isnan(state[:, 1:]) & np.isnan(state[:, :-1])), axis=0)
+    starts = np.concatenate([[0], np.flatnonzero(changed) + 1])
+    sole = np.array(walk.parameters["sole"]["polygon"])
+    for first, end in zip(starts, [*starts[1:], state.shape[1]], strict=True):
+        standing = [side for side in Side if not in_air[side, first]]
+        soles = [sole_vertices(sole, Footstep(side, feet[side, :2, first], feet[side, 2, first])) for side in standing]
+        yield slice(int(first), int(end)), polygon(np.vstack(soles))

@@ -1,0 +1,85 @@
+# pyright: basic, reportMissingImports=false
+# (Pinocchio ships no types)
+"""How close the legs of a body come to each other.
+
+Thighs, shins with their knees, ankles and feet of one side against those of the
+other: the four links at the end of each leg, as the URDF's collision meshes. Their
+convex hulls stand for them: never smaller, the same distances where legs meet, and a
+hundred times faster to ask.
+"""
+
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+
+from walkcore.mpc.gait import Side
+from walkcore.robot import BodyModel
+from walkcore.values import Vector
+
+NB_LINKS = 4  # thigh, shin, ankle, foot
+SAFETY_DISTANCE = 0.015  # [m] between any two links
+THIGH_DISTANCE = 0.005  # [m] between the thighs: their upper ends are built 12 mm apart, and hardly move at the hips
+
+
+def leg_joints(body: BodyModel, model: pin.Model, side: Side) -> list[int]:
+    """Joints from the hip to the sole, in the order of the chain."""
+    root_and_universe = 2
+    foot = model.frames[model.getFrameId(body.sole(side))].parentJoint
+    return list(model.supports[foot])[root_and_universe:]
+
+
+class LegDistances:
+    """Distances between the links of the left and of the right leg. Holds scratch memory only."""
+
+    def __init__(self, body: BodyModel, model: pin.Model) -> None:
+        """Load the collision meshes.
+
+        Args:
+            body: names the URDF.
+            model: built from the same URDF.
+        """
+        every = pin.buildGeomFromUrdf(
+            model, str(body.urdf), pin.GeometryType.COLLISION, package_dirs=[str(body.package_folder)]
+        )
+        self._model, self._data = model, model.createData()
+        self._geometry = pin.GeometryModel()
+        indices = {side: self._add_hulls(every, leg_joints(body, model, side)[-NB_LINKS:]) for side in Side}
+        for left, right in product(indices[Side.LEFT], indices[Side.RIGHT]):
+            self._geometry.addCollisionPair(pin.CollisionPair(left, right))
+        self._geometry_data = pin.GeometryData(self._geometry)
+        thighs = {leg_joints(body, model, side)[-NB_LINKS] for side in Side}
+        self._required = np.array(
+            [
+                THIGH_DISTANCE if {self._joint(pair.first), self._joint(pair.second)} == thighs else SAFETY_DISTANCE
+                for pair in self._geometry.collisionPairs
+            ]
+        )
+
+    def _add_hulls(self, every: pin.GeometryModel, joints: list[int]) -> list[int]:
+        """Add the hulls of all links that these joints move; their indices."""
+        indices: list[int] = []
+        for link in every.geometryObjects:
+            if link.parentJoint in joints:
+                link.geometry.buildConvexHull(True, "Qt")
+                hull = link.copy()
+                hull.geometry = link.geometry.convex
+                indices.append(self._geometry.addGeometryObject(hull))
+        return indices
+
+    def _joint(self, index: int) -> int:
+        """The joint that moves a link."""
+        return self._geometry.geometryObjects[index].parentJoint
+
+    def distances(self, q: Vector) -> Vector:
+        """Between all pairs of links of opposite legs [m], shape (P,); negative where they overlap.
+
+        Args:
+            q: configuration in Pinocchio's order, shape (nq,).
+        """
+        pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
+        return np.array([result.min_distance for result in self._geometry_data.distanceResults])
+
+    def spare(self, q: Vector) -> float:
+        """How much further apart all pairs are than their safety distance [m]; negative where one is too close."""
+        return float(np.min(self.distances(q) - self._required))

@@ -1,0 +1,1 @@
+"""From a plan to feet in the air, an offset of the CoM, and joint angles."""

@@ -1,0 +1,124 @@
+"""A small offset of the body's CoM that brings the true CoP back to the model's.
+
+The model (5) has the whole mass in one point. What it leaves out is nearly all the leg that
+swings: it is accelerated below the CoM, and its knee goes forward when the foot goes up.
+Together they move the true CoP by
+
+    e = foot ddf + knee ddz n + com ddc
+
+with ddf, ddz the accelerations of the foot in the air, n its direction and ddc the CoM's. An
+offset d of the CoM moves the true CoP by d - ddd/omega^2, so it has to solve
+d - ddd/omega^2 = -e. Its bounded solution looks ahead, as an inverted pendulum has to:
+
+    xi = -omega * integral of exp(-omega s) e(t + s) ds from 0 on,      dd = omega (xi - d)
+
+What is planned may change from one tick to the next, and with it xi, which would jerk the body. So xi is taken
+SMOOTHING later, and approached with that time constant.
+
+The dynamic filter of Kajita et al. 2003, section 5, with a model of e for its second preview.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from walkcore.motion.swing_foot import FootState, standing, swing_accelerations
+from walkcore.mpc.gait import Gait
+from walkcore.mpc.lipm import CoMState
+from walkcore.mpc.pattern_generator import Plan
+from walkcore.robot import SwingMoments
+from walkcore.values import Vector, frozen, read_only
+
+LOOK_AHEAD, STEP = 1.2, 0.025  # [s]; exp(-omega * 1.2 s) is 2 %
+SMOOTHING = 0.04  # [s]
+AHEAD = np.arange(0.5, LOOK_AHEAD / STEP) * STEP
+TIMES = SMOOTHING + AHEAD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offset:
+    """Of the body's CoM from the model's, world frame."""
+
+    position: Vector
+    """d [m], shape (2,)."""
+    divergent: Vector
+    """xi, smoothed [m], shape (2,)."""
+
+    def towards(self, divergent: Vector, omega: float, period: float) -> "Offset":
+        """One tick later, if the divergent offset of the plan, `SMOOTHING` from now, is as given [m], shape (2,)."""
+        smoothed = self.divergent + (1.0 - math.exp(-period / SMOOTHING)) * (divergent - self.divergent)
+        position = self.position + (1.0 - math.exp(-omega * period)) * (smoothed - self.position)
+        return Offset(read_only(position), read_only(smoothed))
+
+
+NO_OFFSET = Offset(read_only(np.zeros(2)), read_only(np.zeros(2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What is planned at one tick."""
+
+    tick: int
+    gait: Gait
+    com: CoMState
+    support: FootState
+    swing: FootState
+    plan: Plan
+
+
+def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
+    """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
+    return frozen(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
+
+
+def _of_com(motion: Motion, omega: float) -> Vector:
+    """What the CoM's acceleration makes of xi, if it moved the CoP by as many metres, shape (2,)."""
+    p, plan = motion.gait.parameters, motion.plan
+    of_jerks = _weights_of_jerks(float(plan.times[0]), p.sampling_period, len(plan.times), omega)
+    return _weights(omega).sum() * motion.com.acceleration + of_jerks @ plan.jerks
+
+
+def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
+    """What the coming swings make of xi, shape (2,)."""
+    p, gait = motion.gait.parameters, motion.gait
+    xi = np.zeros(2)
+    landing = gait.time_to_touchdown(motion.tick)
+    foot, waiting = motion.swing, motion.support
+    for foothold in motion.plan.footholds:
+        lift_off = landing - (p.step_duration - p.double_support_duration)
+        of_motion, of_height = _weights_of_flight(lift_off, landing, omega)
+        direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
+        horizontal = of_motion @ [*foot.matrix[:, :2], foothold.position]
+        xi += moments.foot * horizontal + moments.knee * p.swing_height * of_height * direction
+        foot, waiting = waiting, standing(foothold)
+        landing += p.step_duration
+    return xi
+
+
+# What follows depends on the phase of the gait alone, and comes back with every step.
+
+
+@lru_cache(maxsize=16)
+def _weights(omega: float) -> Vector:
+    """Of the errors at TIMES in xi."""
+    return read_only(-omega * STEP * np.exp(-omega * AHEAD))
+
+
+@lru_cache(maxsize=4096)
+def _weights_of_jerks(first_interval: float, interval: float, count: int, omega: float) -> Vector:
+    """Of the jerks of a plan in the xi of the CoM's acceleration, shape (N,)."""
+    starts = np.concatenate([[0.0], first_interval + interval * np.arange(count - 1)])
+    durations = np.concatenate([[first_interval], np.full(count - 1, interval)])
+    acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), durations)  # for so long each jerk has
+    return read_only(_weights(omega) @ acted)
+
+
+@lru_cache(maxsize=4096)
+def _weights_of_flight(lift_off: float, landing: float, omega: float) -> tuple[Vector, float]:
+    """Of pose, velocity, acceleration and target of a foot in the xi of its acceleration, shape (4,); of its apex."""
+    flies = (TIMES > lift_off) & (TIMES < landing)
+    horizontal, vertical = swing_accelerations(max(lift_off, 0.0), landing, lift_off, TIMES[flies])
+    weights = _weights(omega)[flies]
+    return read_only(weights @ horizontal), float(weights @ vertical)

@@ -1,0 +1,153 @@
+"""The foot in the air, towards a foothold that may still move.
+
+Each tick starts a new quintic from the foot's position, velocity and acceleration,
+at rest on the foothold at touchdown. While the foothold stays, these are all one
+quintic. When it moves late, the foot goes as fast as the speed bound (30) allows:
+
+    |foothold - foot| <= time_left * max_speed
+
+holds at the next tick if it holds at this one, so the QP never loses a foothold
+that it has planned, and no foot is ever asked to be faster.
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from walkcore.mpc.gait import Footstep
+from walkcore.values import Matrix, Vector, read_only, rotation
+
+# Coefficients of s^0 to s^5, for the fraction s of a time T that has passed, from x, T dx, T^2 ddx and the target.
+QUINTIC = read_only(
+    [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 0.5, 0.0],
+        [-10.0, -6.0, -1.5, 10.0],
+        [15.0, 8.0, 1.5, -15.0],
+        [-6.0, -3.0, -0.5, 6.0],
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FootState:
+    """A sole in the world frame, on the ground or in the air."""
+
+    pose: Vector
+    """x, y of the sole frame's origin [m] and yaw [rad], shape (3,)."""
+    velocity: Vector
+    """[m/s] and [rad/s], shape (3,)."""
+    acceleration: Vector
+    """[m/s^2] and [rad/s^2], shape (3,)."""
+    height: float
+    """Of the sole above the ground [m]."""
+    matrix: Matrix = field(init=False, repr=False)
+    """Pose, velocity and acceleration, one below the other, shape (3, 3)."""
+
+    def __post_init__(self) -> None:
+        matrix = read_only((self.pose, self.velocity, self.acceleration), shape=(3, 3))
+        object.__setattr__(self, "matrix", matrix)
+        for name, row in zip(("pose", "velocity", "acceleration"), matrix, strict=True):
+            object.__setattr__(self, name, row)
+
+    @property
+    def position(self) -> Vector:
+        """Origin of the sole frame [m], shape (2,)."""
+        return self.pose[:2]
+
+    @property
+    def yaw(self) -> float:
+        """[rad]."""
+        return float(self.pose[2])
+
+
+def standing(foot: Footstep) -> FootState:
+    """A foot at rest on the ground."""
+    return FootState(_pose(foot), np.zeros(3), np.zeros(3), 0.0)
+
+
+def swing_height(progress: float, apex: float) -> float:
+    """Height of the sole [m]: a bump with zero speed and acceleration at lift-off and touchdown.
+
+    Args:
+        progress: fraction of the single support that has passed.
+        apex: highest point [m].
+    """
+    return apex * 64.0 * (progress * (1.0 - progress)) ** 3
+
+
+def swing(
+    foot: FootState, foothold: Footstep, time_left: float, tick: float, max_speed: Vector, support_yaw: float
+) -> FootState:
+    """The foot one tick later; its height is left as it is.
+
+    Args:
+        foot: now.
+        foothold: where it will land.
+        time_left: until touchdown [s].
+        tick: [s].
+        max_speed: along x and y of the support foot's frame [m/s], and of the yaw [rad/s], shape (3,).
+        support_yaw: of that frame [rad].
+    """
+    if time_left <= 1.5 * tick:
+        return standing(foothold)
+    target = _pose(foothold)
+    pose, velocity, acceleration = _one_tick(time_left, tick) @ np.vstack([foot.matrix, target])
+    R = _rotation(support_yaw)
+    to_go, move = np.array([target - foot.pose, pose - foot.pose]) @ R
+    reachable = np.maximum((time_left - tick) * max_speed, 0.0)
+    allowed = np.minimum(np.maximum(move, -tick * max_speed), tick * max_speed)
+    allowed = np.minimum(np.maximum(allowed, to_go - reachable), to_go + reachable)
+    if np.abs(allowed - move).max() > 1e-12:
+        pose, velocity, acceleration = foot.pose + R @ allowed, R @ allowed / tick, np.zeros(3)
+    return FootState(pose, velocity, acceleration, foot.height)
+
+
+def swing_accelerations(start: float, landing: float, lift_off: float, times: Vector) -> tuple[Matrix, Vector]:
+    """What makes the accelerations of a flight of its beginning, its target and its apex.
+
+    Args:
+        start: of the quintic: the present, or the lift-off to come [s].
+        landing: when the foot will land [s].
+        lift_off: when it leaves or left the ground, from which its height is counted [s].
+        times: at which accelerations are wanted, from start to landing [s], shape (k,).
+
+    Returns:
+        For pose, velocity, acceleration and target: the horizontal acceleration, shape (k, 4);
+        for the apex: the vertical one, shape (k,) [1/s^2].
+    """
+    T, flight = landing - start, landing - lift_off
+    s = (times - start) / T
+    second = np.column_stack([0 * s, 0 * s, 0 * s + 2, 6 * s, 12 * s**2, 20 * s**3]) @ QUINTIC
+    s = (times - lift_off) / flight
+    bump = 64.0 * (6 * s - 36 * s**2 + 60 * s**3 - 30 * s**4)  # second derivative of `swing_height`
+    return second * [1.0, T, T**2, 1.0] / T**2, bump / flight**2
+
+
+def _pose(foot: Footstep) -> Vector:
+    return np.array([*foot.position, foot.yaw])
+
+
+@lru_cache(maxsize=4096)  # the flights of a walk pass the same times
+def _one_tick(time_left: float, tick: float) -> Matrix:
+    """What leads from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
+    T, s = time_left, tick / time_left
+    scale = np.array([1.0, T, T**2])
+    derivatives = np.array(
+        [
+            [1.0, s, s**2, s**3, s**4, s**5],
+            [0.0, 1.0, 2 * s, 3 * s**2, 4 * s**3, 5 * s**4],
+            [0.0, 0.0, 2.0, 6 * s, 12 * s**2, 20 * s**3],
+        ]
+    )
+    return read_only(derivatives @ QUINTIC * [*scale, 1.0] / scale[:, None])
+
+
+@lru_cache(maxsize=256)
+def _rotation(yaw: float) -> Matrix:
+    """From the frame of a foot to the world, for x, y and yaw, shape (3, 3)."""
+    R = np.eye(3)
+    R[:2, :2] = rotation(yaw)
+    return read_only(R)

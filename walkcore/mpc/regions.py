@@ -1,0 +1,143 @@
+"""Convex polygons as rows  lower <= n . p <= upper  on a point p of the plane.
+
+Where the centre of pressure may be (26), where a foot may land (section 5) and
+how far it can still fly (30) are all of this form. Opposite parallel edges share
+one row with two bounds, which halves the rows of the QP for a rectangular sole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+
+from walkcore.errors import EmptyRegionError
+from walkcore.mpc.gait import Footstep, Side
+from walkcore.values import Matrix, Vector, read_only, rotation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfPlanes:
+    """The points p with lower <= normals @ p <= upper."""
+
+    normals: Matrix
+    """Unit normals of the edges, shape (E, 2)."""
+    lower: Vector
+    """[m], shape (E,); minus infinity where an edge has no parallel opposite."""
+    upper: Vector
+    """[m], shape (E,)."""
+
+    def inset(self, margin: float) -> "HalfPlanes":
+        """The points at least `margin` [m] inside.
+
+        Raises:
+            EmptyRegionError: if a pair of parallel edges leaves nothing between them.
+        """
+        lower, upper = self.lower + margin, self.upper - margin
+        if np.any(lower > upper):
+            raise EmptyRegionError(f"a margin of {margin} m leaves nothing of a polygon {np.min(self.widths)} m wide")
+        return HalfPlanes(self.normals, lower, upper)
+
+    def rotated(self, yaw: float) -> "HalfPlanes":
+        """The same polygon turned about the origin by `yaw` [rad]."""
+        return _rotated(self, yaw)
+
+    @property
+    def widths(self) -> Vector:
+        """Between opposite edges [m], shape (E,)."""
+        return self.upper - self.lower
+
+    def fraction_inside(self, start: Vector, move: Vector) -> float:
+        """How much of a move from a point inside stays inside, in [0, 1]."""
+        at, along = self.normals @ start, self.normals @ move
+        room = np.where(along > 0.0, self.upper - at, self.lower - at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.clip(np.min(np.where(np.abs(along) > 1e-12, room / along, np.inf)), 0.0, 1.0))
+
+    def excess(self, point: ArrayLike) -> float:
+        """How far a point lies outside [m]; negative inside, where it is the distance to the nearest edge."""
+        along = self.normals @ np.asarray(point)
+        return float(np.maximum(self.lower - along, along - self.upper).max())
+
+
+@lru_cache(maxsize=1024)  # a foot keeps its yaw for many ticks
+def _rotated(planes: HalfPlanes, yaw: float) -> HalfPlanes:
+    return HalfPlanes(read_only(planes.normals @ rotation(yaw).T), planes.lower, planes.upper)
+
+
+def polygon(vertices: ArrayLike) -> HalfPlanes:
+    """The convex hull of points in the plane, shape (V, 2) [m].
+
+    Raises:
+        EmptyRegionError: if the points enclose no area.
+    """
+    try:
+        facets = ConvexHull(np.asarray(vertices, dtype=float).reshape(-1, 2)).equations
+    except (QhullError, ValueError) as error:
+        raise EmptyRegionError(f"the points enclose no area: {vertices}") from error
+    normals: list[Vector] = []
+    lower: list[float] = []
+    upper: list[float] = []
+    for normal, bound in zip(facets[:, :2], -facets[:, 2], strict=True):
+        opposite = next((i for i, other in enumerate(normals) if np.allclose(other, -normal, atol=1e-9)), None)
+        if opposite is None:
+            normals.append(normal)
+            lower.append(-np.inf)
+            upper.append(bound)
+        else:
+            lower[opposite] = -bound
+    return HalfPlanes(read_only(normals), read_only(lower), read_only(upper))
+
+
+def box(half_widths: ArrayLike) -> HalfPlanes:
+    """The rectangle |x| <= half_widths[0], |y| <= half_widths[1] [m]."""
+    bounds = read_only(half_widths, shape=(2,))
+    return HalfPlanes(np.eye(2), -bounds, bounds)
+
+
+def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
+    """Corners of the points at least `margin` [m] inside a convex polygon, both of shape (V, 2).
+
+    Raises:
+        EmptyRegionError: if there are none.
+    """
+    hull = ConvexHull(vertices)
+    halfspaces = hull.equations + [0.0, 0.0, margin]
+    centre = np.mean(vertices[hull.vertices], axis=0)
+    try:
+        return HalfspaceIntersection(halfspaces, centre).intersections
+    except QhullError as error:
+        raise EmptyRegionError(f"a margin of {margin} m leaves nothing of the polygon") from error
+
+
+def mirrored(vertices: Matrix) -> Matrix:
+    """Vertices, shape (V, 2), reflected from the left of the robot to its right."""
+    return vertices * [1.0, -1.0]
+
+
+def closest_band(bands: Sequence[tuple[float, float]], yaw: float) -> int:
+    """Index of the band of yaws that holds `yaw` [rad], or of the nearest one."""
+    return min(range(len(bands)), key=lambda i: max(bands[i][0] - yaw, yaw - bands[i][1], 0.0))
+
+
+def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
+    """The foothold region of a landing foot in the frame of the support foot, shape (V, 2) [m].
+
+    Args:
+        region: where the left foot may land, in the right foot's frame.
+        landing: side of the landing foot, not of the support.
+    """
+    return region if landing is Side.LEFT else mirrored(region)
+
+
+def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
+    """Outline of a sole on the ground in the world frame, shape (V, 2) [m].
+
+    Args:
+        sole: outline of the left sole in its own frame; the right one is its mirror image.
+        foot: where it stands.
+    """
+    outline = sole if foot.side is Side.LEFT else mirrored(sole)
+    return foot.position + outline @ rotation(foot.yaw).T

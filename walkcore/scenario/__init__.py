@@ -1,0 +1,1 @@
+"""Scripted walks, their recordings, and recordings replayed."""

@@ -1,0 +1,199 @@
+"""A scripted walk, read from YAML or from its JSON equivalent: a robot, what is asked of it, and what is expected."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+
+from walkcore.command import Command, Push, Reference
+from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameError
+from walkcore.mpc.regions import inset_vertices
+from walkcore.parameters import Parameters
+from walkcore.robot import Robot, load_robot
+from walkcore.scenario.events import Event, commands
+from walkcore.scenario.expectations import Expectation, expectations_from_mapping
+from walkcore.state import SimulationState, state_from_mapping
+from walkcore.values import check_keys, check_mapping, check_range, check_text
+
+SCENARIOS = files("walkcore") / "scenarios"
+MAX_DURATION = 3600.0  # [s]
+KEYS = {"name", "description", "robot", "duration", "parameters", "initial_state", "events", "expect"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenario:
+    """A robot, its parameters, and what is asked of it."""
+
+    name: str
+    robot: Robot
+    duration: float
+    """[s]."""
+    parameters: Parameters
+    """At the beginning."""
+    events: tuple[Event, ...]
+    """In the order of their times, which count from the beginning of the scenario."""
+    source: Mapping[str, Any]
+    """The mapping that it was read from."""
+    description: str = ""
+    initial_state: SimulationState | None = None
+    """Where the walk begins; None at rest at the origin, at tick 0."""
+    expectations: tuple[Expectation, ...] = ()
+
+    @property
+    def nb_ticks(self) -> int:
+        """Ticks that the scenario lasts."""
+        return round(self.duration / self.parameters.control_period)
+
+    def commands(self) -> Iterator[Command]:
+        """One command a tick. Of several pushes within one tick, all are given, one a tick."""
+        return commands(self.events, self.nb_ticks, self.parameters.control_period)
+
+    def parameter_changes(self) -> tuple[tuple[int, Parameters], ...]:
+        """Ticks, counted from the beginning of the scenario, before which other parameters come into force."""
+        period = self.parameters.control_period
+        return tuple((event.tick(period), event.parameters) for event in self.events if event.parameters is not None)
+
+    def without_body(self) -> "Scenario":
+        """The same scenario of the point mass with feet: the decisions are the same, but for falls of the body."""
+        state = self.initial_state
+        return replace(
+            self,
+            robot=replace(self.robot, body=None),
+            initial_state=None if state is None else replace(state, q=None, q_before=None),
+        )
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that ship."""
+    return sorted(Path(str(entry)).stem for entry in SCENARIOS.iterdir() if str(entry).endswith(".yaml"))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario that ships, by its name, or one from a YAML or JSON file.
+
+    Raises:
+        UnknownNameError: if there is neither a file nor a shipped scenario of that name.
+        InvalidValueError: if the file does not describe a scenario.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in scenario_names():
+        file = SCENARIOS / f"{name_or_path}.yaml"
+    elif path.is_file():
+        file = path
+    else:
+        raise UnknownNameError("scenario", str(name_or_path), scenario_names())
+    try:
+        data = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 (a SafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # not UTF-8, no such date, nested too deeply
+        why = " ".join(str(error).split())
+        raise InvalidValueError("scenario", str(name_or_path), f"is not YAML: {why}") from error
+    return scenario_from_mapping(data)
+
+
+def scenario_from_mapping(data: Any) -> Scenario:
+    """A scenario from plain values, as YAML or JSON gives them.
+
+    Raises:
+        InvalidValueError: naming the field, its value and its limit.
+        UnknownNameError: if there is no such robot.
+    """
+    data = check_mapping("scenario", data)
+    check_keys("scenario", data, KEYS)
+    for key in ("name", "description"):
+        check_text(key, data.get(key, ""))
+    robot = load_robot(str(data.get("robot", "talos")))  # what is no name at all is told as an unknown one
+    values = check_mapping("parameters", _given(data, "parameters", {}))
+    parameters = _fitting(Parameters.from_mapping(values), robot)
+    duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)
+    listed: Any = _given(data, "events", [])
+    if not isinstance(listed, list):
+        raise InvalidValueError("events", listed, "must be a list")
+    state = data.get("initial_state")
+    return Scenario(
+        name=data.get("name", "unnamed"),
+        robot=robot,
+        duration=duration,
+        parameters=parameters,
+        events=_events(cast(list[Any], listed), robot, parameters, duration),
+        source=data,
+        description=data.get("description", ""),
+        initial_state=None if state is None else state_from_mapping(state, robot, parameters),
+        expectations=expectations_from_mapping(_given(data, "expect", {})),
+    )
+
+
+def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
+    """What stands there; a key with nothing behind it, which YAML reads as null, is as good as none."""
+    value = data.get(key)
+    return default if value is None else value
+
+
+def _fitting(parameters: Parameters, robot: Robot) -> Parameters:
+    """The parameters, if their margin leaves something of the robot's soles."""
+    try:
+        inset_vertices(robot.sole, parameters.cop_margin)
+    except EmptyRegionError as error:
+        raise InvalidValueError("cop_margin", parameters.cop_margin, f"leaves nothing of the sole: {error}") from error
+    return parameters
+
+
+def _events(listed: list[Any], robot: Robot, parameters: Parameters, duration: float) -> tuple[Event, ...]:
+    """The events in the order of their times; each change of parameters adds to those before it."""
+    found: list[tuple[str, dict[str, Any], float]] = []
+    for i, item in enumerate(listed):
+        where = f"events[{i}]"
+        data = check_mapping(where, item)
+        check_keys(where, data, {"t", "reference", "over", "push", "parameters"})
+        found.append((where, data, check_range(f"{where}.t", data.get("t"), 0.0, duration)))
+    events: list[Event] = []
+    for where, data, t in sorted(found, key=lambda event: event[2]):
+        try:
+            event = _event(data, t, robot, parameters)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{where}.{error.field}", error.value, error.limit) from error
+        parameters = event.parameters or parameters
+        events.append(event)
+    return tuple(events)
+
+
+def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters) -> Event:
+    reference = push = changed = None
+    if "reference" in data:
+        values = check_mapping("reference", data["reference"])
+        check_keys("reference", values, {"vx", "vy", "yaw_rate"})
+        reference = robot.check_reference(Reference(**values))
+    over = check_range("over", data.get("over", 0.0), 0.0, MAX_DURATION)
+    if "over" in data and reference is None:
+        raise InvalidValueError("over", over, "needs a reference beside it")
+    if "push" in data:
+        values = check_mapping("push", data["push"])
+        check_keys("push", values, {"impulse", "duration", "frame"})
+        if not isinstance(values.get("impulse"), list):
+            raise InvalidValueError("push.impulse", values.get("impulse"), "must be a list of two numbers")
+        push = robot.check_push(Push(**values))
+    if "parameters" in data:
+        changed = _changed(parameters, check_mapping("parameters", data["parameters"]), robot)
+    return Event(t, reference, over, push, changed)
+
+
+def _changed(parameters: Parameters, values: dict[str, Any], robot: Robot) -> Parameters:
+    try:
+        return _fitting(parameters.check_change(parameters.changed(values)), robot)
+    except InvalidValueError as error:
+        field = error.field.removeprefix("parameters.")
+        raise InvalidValueError(f"parameters.{field}", error.value, error.limit) from error
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML follows YAML 1.1, for which 1e-6 is text; here it is a number, as in JSON."""
+
+
+_Loader.add_implicit_resolver(  # pyright: ignore[reportUnknownMemberType] (not in its stubs)
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
