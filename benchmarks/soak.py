@@ -11,9 +11,10 @@ import numpy as np
 import tyro
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot, load_robot
-from walkcore.mpc.gait import Footstep, Phase
-from walkcore.mpc.pattern_generator import Status
-from walkcore.mpc.regions import polygon, sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import Footstep, sole_vertices
 from walkcore.scenario.recording import row
 from walkcore.values import rotation
 

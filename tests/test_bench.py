@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from app.bench import bench, table
+from app.bench import bench, solvers, table
 from app.bench.bench import PLANNING
 from app.bench.solvers import compare, problems_of
 from walkcore import load_scenario
-from walkcore.mpc.preview import FOOTHOLD_UNIT
-from walkcore.mpc.qp import SOLVERS
+from walkcore.mpc.preview import FOOTHOLD_SCALE
+from walkcore.mpc.qp import SOLVERS, InteriorPointSolver
+from walkcore.stages import UNTIMED
 
 SHORT = replace(load_scenario("herdt-2010-section-6"), duration=1.2, events=())
 
@@ -43,11 +44,12 @@ def test_all_solvers_solve_the_same_qps_to_within_a_millimetre(result):
 
 
 def test_a_solver_that_is_wrong_shows(monkeypatch):
-    def lazy(problem, stages):
-        solution = SOLVERS["piqp"](problem, stages)
-        return replace(solution, u=solution.u + 1e-3 / FOOTHOLD_UNIT)
+    class Lazy(InteriorPointSolver):
+        def solve(self, problem, stages=UNTIMED):
+            solution = super().solve(problem, stages)
+            return replace(solution, u=solution.u + 1e-3 / FOOTHOLD_SCALE)
 
-    monkeypatch.setitem(SOLVERS, "lazy", lazy)
+    monkeypatch.setattr(solvers, "SOLVERS", SOLVERS | {"lazy": Lazy})
     results = compare(problems_of(SHORT.without_body(), 10), SHORT.parameters.horizon_samples)
     assert results["piqp"].foothold_error_max < 1e-2
     assert results["lazy"].foothold_error_max == pytest.approx(1.0, rel=0.01)

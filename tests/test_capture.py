@@ -8,8 +8,8 @@ from scipy.optimize import linprog
 
 from walkcore import load_robot
 from walkcore.mpc.capture import StepTiming, capture_vertices, minkowski_sum
-from walkcore.mpc.gait import Side
-from walkcore.mpc.regions import foothold_vertices, mirrored, polygon
+from walkcore.mpc.regions import foothold_vertices, polygon
+from walkcore.mpc.stance import Side, mirrored
 
 ROBOT = load_robot("hrp2")
 TIMING = StepTiming(0.1, 0.7, math.sqrt(9.81 / ROBOT.com_height))

@@ -6,7 +6,7 @@ from app.live.control import NOBODY, Control, Drive, NotPausedError
 from app.live.state import LiveState, RandomPushes
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 
 HRP2 = load_robot("hrp2")
 PERIOD = 0.02  # [s]

@@ -4,7 +4,7 @@ import pytest
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 from walkcore.motion.dynamic_filter import LOOK_AHEAD, NO_OFFSET, SMOOTHING
 from walkcore.motion.swing_foot import standing, swing, swing_accelerations, swing_height
-from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.stance import Footstep, Side
 
 
 def test_planned_accelerations_are_those_of_the_flight():
@@ -13,7 +13,7 @@ def test_planned_accelerations_are_those_of_the_flight():
     foot, positions = standing(Footstep(Side.LEFT, np.zeros(2), 0.0)), []
     for k in range(700):
         positions.append(foot.position)
-        foot = swing(foot, foothold, duration - k * tick, tick, speed, 0.0)
+        foot = swing(foot, foothold, duration - k * tick, tick, speed, 0.0, 0.0)
     times = np.arange(700) * tick
     heights = np.array([swing_height(t / duration, 0.05) for t in times])
     start = standing(Footstep(Side.LEFT, np.zeros(2), 0.0))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.figures import make, measures, walks
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.mpc.regions import polygon, sole_vertices
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 
 PERIOD = 0.1  # [s]
 FIGURES = [*(f"fig{n}" for n in range(1, 10)), "hard-push"]
@@ -60,7 +60,7 @@ def test_a_speed_over_time_is_red_and_its_reference_blue(folder):
 
 def test_the_reported_lateral_speeds_are_those_of_the_recordings(folder, walked):
     cells = rows(folder)
-    for scheme, what in (("full", "Mean lateral speed by (19), of the reference"), ("mean_speed", "by (31)")):
+    for scheme, what in (("full", "Mean lateral speed by (19), of the reference"), ("mean_velocity", "by (31)")):
         walk = walked.by_scheme[scheme]
         whole_cycles = (walk["t"] > 7.2 - 1e-6) & (walk["t"] < 12.0 - 1e-6)  # sideways from 6 s to 12 s, 1.6 s each
         mean = walk["com_vy"][whole_cycles].mean()
@@ -94,7 +94,7 @@ def test_no_mean_lateral_speed_is_beyond_what_placement_allows(walked):
         bound = measures.lateral_bound(variation.full)
         y = np.array(variation.full.parameters["foothold_region"])[:, 1]
         assert bound == pytest.approx((y.max() - y.min()) / 1.6)
-        for walk in (variation.full, variation.mean_speed):
+        for walk in (variation.full, variation.mean_velocity):
             assert 0.0 < -measures.lateral_speed(walk) <= bound + 1e-3
 
 

@@ -17,7 +17,7 @@ from walkcore.footholds.step_feasibility import Outcome, StepTrial, placement_be
 from walkcore.footholds.study import MAX_VERTICES, common_vertices, contains, sampled_placements
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
-from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.stance import Footstep, Side
 
 SAMPLES = 220
 

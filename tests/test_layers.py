@@ -10,11 +10,12 @@ ROOT = Path(__file__).parent.parent
 # From the ground up. A module may import those before it; a room of the server may import the rooms before it.
 CORE = """
     errors values stages cache
-    command mpc.lipm mpc.schemes mpc.qp parameters
-    mpc.gait
-    mpc.orientation mpc.regions robot
-    mpc.capture mpc.supports mpc.preview mpc.walking_qp
-    mpc.pattern_generator
+    command
+    mpc.lipm mpc.stance mpc.gait mpc.orientation mpc.regions mpc.capture
+    mpc.preview mpc.objective mpc.schemes mpc.qp
+    parameters robot
+    mpc.supports mpc.constraints mpc.walking_qp
+    mpc.plan mpc.pattern_generator
     motion.swing_foot motion.dynamic_filter motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     snapshot state simulation

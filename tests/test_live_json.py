@@ -9,7 +9,7 @@ from app.http.schemas import live_json
 from app.live.control import Control, Drive
 from app.live.state import LiveState
 from walkcore import Parameters, Push, Reference, load_robot
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 
 PERIOD = 0.02  # [s]
 

@@ -6,8 +6,9 @@ import pytest
 
 from walkcore import Command, Push, Reference, Simulation, load_robot
 from walkcore.analysis.push_follower import Moment, PushFollower, moment_of
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Footstep, Side
 
 STEP = 0.8  # [s]
 NOTHING = np.zeros(2)
@@ -106,7 +107,7 @@ def test_the_capture_point_of_a_moment_is_that_before_its_push():
     simulation = Simulation(load_robot("hrp2"))
     for _ in range(10):
         simulation.step(Command(Reference(vx=0.2)))
-    found = [moment_of(simulation.preview(Command(push=push)), 56.0, 9.81) for push in (None, Push([0.0, 8.0]))]
+    found = [moment_of(simulation.preview(Command(push=push)), 56.0) for push in (None, Push([0.0, 8.0]))]
     assert found[1].push.tolist() == [0.0, 8.0]
     assert found[1].capture_point == pytest.approx(found[0].capture_point, abs=1e-12)
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from oracle import edges
 
 from walkcore.errors import EmptyRegionError
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.mpc.regions import box, foothold_vertices, polygon, sole_vertices
+from walkcore.mpc.regions import box, foothold_vertices, polygon
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import load_robot
 
 coordinates = st.integers(-1000, 1000).map(lambda millimetres: millimetres / 1000.0)

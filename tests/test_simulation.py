@@ -7,9 +7,9 @@ from oracle import excess
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.pattern_generator import Status
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.scenario.recording import row
 from walkcore.state import state_from_mapping
 
@@ -129,7 +129,7 @@ def test_a_plan_starts_where_the_robot_is():
     for before in walk(simulation, 3.0, Reference(vx=0.2)):
         after_one_sample = before.com.integrated(before.plan.jerks[0], before.plan.times[0])
         assert np.allclose(before.plan.com[0], after_one_sample.position)
-        assert np.allclose(before.plan.cop[0], after_one_sample.cop(before.com_height, 9.81))
+        assert np.allclose(before.plan.cop[0], before.pendulum.cop(after_one_sample))
 
 
 @pytest.mark.parametrize(
@@ -159,6 +159,12 @@ def test_bad_input_is_refused_with_its_field(build, field):
         build()
     assert refused.value.field == field
     assert refused.value.limit
+
+
+def test_the_older_name_of_a_scheme_is_still_taken():
+    parameters = Parameters(scheme="mean_speed", horizon_samples=32)
+    assert parameters == Parameters(scheme="mean_velocity", horizon_samples=32)
+    assert parameters.to_mapping()["scheme"] == "mean_velocity"
 
 
 def test_clamping_brings_a_reference_within_the_limits():
@@ -216,7 +222,7 @@ def test_schemes_and_weights_change_while_the_robot_walks():
     walk(simulation, 3.0, Reference(vx=0.2))
     for change in (
         {"scheme": "speed_and_jerk"},
-        {"scheme": "mean_speed", "horizon_samples": 32},
+        {"scheme": "mean_velocity", "horizon_samples": 32},
         {"scheme": "fixed_steps", "horizon_samples": 16},
         {"scheme": "full", "gamma": 1e-5, "cop_margin": 0.02},
     ):
@@ -249,7 +255,7 @@ def test_a_state_knows_how_long_the_step_under_way_takes():
 
 
 @pytest.mark.parametrize(
-    "change", [{"control_period": 0.01}, {"com_height": 0.7}, {"cop_margin": 0.1}, {"scheme": "mean_speed"}]
+    "change", [{"control_period": 0.01}, {"com_height": 0.7}, {"cop_margin": 0.1}, {"scheme": "mean_velocity"}]
 )
 def test_a_change_that_a_walk_cannot_take_leaves_it_as_it_was(change):
     simulation = Simulation(HRP2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 from walkcore.scenario.recording import row
 from walkcore.stages import Stopwatch
 

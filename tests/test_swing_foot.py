@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from walkcore.motion.swing_foot import standing, swing, swing_height
-from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.stance import Footstep, Side
 
 TICK, MAX_SPEED = 0.005, np.array([1.5, 1.0, 1.5])
 START = Footstep(Side.LEFT, np.zeros(2), 0.0)
@@ -16,7 +16,7 @@ def fly(targets, duration=0.7, support_yaw=0.0):
     feet = [standing(START)]
     for i in range(nb_ticks):
         target = Footstep(Side.LEFT, targets[min(i * len(targets) // nb_ticks, len(targets) - 1)], 0.3)
-        feet.append(swing(feet[-1], target, (nb_ticks - i) * TICK, TICK, MAX_SPEED, support_yaw))
+        feet.append(swing(feet[-1], target, (nb_ticks - i) * TICK, TICK, MAX_SPEED, support_yaw, 0.0))
     return feet
 
 
@@ -49,7 +49,7 @@ def test_no_late_change_within_the_speed_bound_makes_the_foot_faster_than_it(wis
         # What the QP may decide at this tick: (30).
         allowed = np.clip(R.T @ (wish - foot.position), -time_left * MAX_SPEED[:2], time_left * MAX_SPEED[:2])
         target = foot.position + R @ allowed
-        after = swing(foot, Footstep(Side.LEFT, target, 0.0), time_left, TICK, MAX_SPEED, yaw)
+        after = swing(foot, Footstep(Side.LEFT, target, 0.0), time_left, TICK, MAX_SPEED, yaw, 0.0)
         speed = np.abs(R.T @ (after.position - foot.position)) / TICK
         assert np.all(speed <= MAX_SPEED[:2] + 1e-9)
         # The foothold stays within reach, so the next QP does not lose it.

@@ -23,8 +23,9 @@ from app.viewer.scene.robot_mesh import BodyPart, _closed
 from app.viewer.scene.scene import Scene
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.pattern_generator import Status
-from walkcore.mpc.regions import polygon, sole_vertices
+from walkcore.mpc.plan import Status
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import sole_vertices
 
 PAPER = Parameters(control_period=0.1)  # ticks are samples: a plan's first sample is the next snapshot
 WALK = [(1.0, Reference()), (4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (4.0, Reference())]
@@ -303,9 +304,9 @@ def test_typed_parameters_are_applied_together_and_refusals_told(viser_server, r
 
 def test_scheme_of_mean_velocity_gets_the_horizon_that_it_needs(viser_server, runner):
     tab, event = MethodTab(viser_server, runner), SimpleNamespace(client=Client())
-    tab._scheme.value = next(label for label in tab._scheme.options if label.startswith("mean_speed"))
+    tab._scheme.value = next(label for label in tab._scheme.options if label.startswith("mean_velocity"))
     tab._change_scheme(event)
-    assert runner.parameters.scheme == "mean_speed" and runner.parameters.horizon_samples == 32
+    assert runner.parameters.scheme == "mean_velocity" and runner.parameters.horizon_samples == 32
 
 
 def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():

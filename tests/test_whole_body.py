@@ -8,7 +8,7 @@ from walkcore import Command, Parameters, Push, Reference, Simulation, load_robo
 from walkcore.errors import InverseKinematicsError
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
-from walkcore.mpc.gait import Side
+from walkcore.mpc.stance import Side
 
 BOTH = (Side.LEFT, Side.RIGHT)
 

@@ -1,4 +1,4 @@
-"""Answers of a method, kept for as long as its object lives."""
+"""A cache of a method's answers that goes with its object."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -9,8 +9,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def kept(method: Callable[P, R], maxsize: int) -> Callable[P, R]:
-    """A method of an object that keeps its latest answers, for the object itself to hold.
+def instance_cache(method: Callable[P, R], maxsize: int) -> Callable[P, R]:
+    """A bound method that keeps its latest answers, for its object to hold.
 
     Unlike a cache of the bound method it does not hold the object, so both go with the last user,
     and nothing is left for the collector of garbage, which a control loop cannot let come when it likes.

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from walkcore.errors import InvalidValueError
-from walkcore.values import Vector, check_range, read_only
+from walkcore.values import Vector, check_range, frozen_copy
 
 Frame = Literal["robot", "world"]
 
@@ -45,7 +45,7 @@ class Push:
         if len(self.impulse) != 2:
             raise InvalidValueError("push.impulse", self.impulse, "must have two components")
         impulse = [check_range(f"push.impulse[{i}]", value) for i, value in enumerate(self.impulse)]
-        object.__setattr__(self, "impulse", read_only(impulse, shape=(2,)))
+        object.__setattr__(self, "impulse", frozen_copy(impulse, shape=(2,)))
         object.__setattr__(self, "duration", check_range("push.duration", self.duration, low=0.0))
         if self.frame not in ("robot", "world"):
             raise InvalidValueError("push.frame", self.frame, "must be 'robot' or 'world'")

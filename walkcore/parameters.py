@@ -7,9 +7,10 @@ from types import MappingProxyType
 from typing import Any
 
 from walkcore.errors import InvalidValueError
+from walkcore.mpc.gait import Timing
 from walkcore.mpc.lipm import GRAVITY
 from walkcore.mpc.qp import SOLVERS
-from walkcore.mpc.schemes import SCHEMES, Scheme
+from walkcore.mpc.schemes import DEPRECATED, SCHEMES, Scheme
 from walkcore.values import check_keys, check_range
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -81,6 +82,8 @@ class Parameters:
     """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
 
     def __post_init__(self) -> None:
+        if isinstance(self.scheme, str):  # pyright: ignore[reportUnnecessaryIsInstance]  # a client sends anything
+            object.__setattr__(self, "scheme", DEPRECATED.get(self.scheme, self.scheme))
         if self.scheme not in tuple(SCHEMES):  # a tuple takes what a dictionary cannot hash
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
         if self.solver not in SOLVERS:
@@ -104,16 +107,12 @@ class Parameters:
             raise InvalidValueError(
                 "double_support_duration", self.double_support_duration, "must equal sampling_period (section 4)"
             )
-        if self.samples_per_step < 2:
+        if self.timing.samples_per_step < 2:
             raise InvalidValueError("step_duration", self.step_duration, "must be at least two sampling periods")
-
-        if self.horizon_samples <= self.samples_per_step:
-            limit = f"must be more than the {self.samples_per_step} samples of a step, to hold the next foothold"
+        least = self.formulation.least_horizon(self.timing.samples_per_step)
+        if self.horizon_samples < least:
+            limit = f"must be at least {least}, to hold the next foothold and all steps that {self.scheme} looks at"
             raise InvalidValueError("horizon_samples", self.horizon_samples, limit)
-        if "mean_velocity" in self.terms.weights and self.horizon_samples < 4 * self.samples_per_step:
-            raise InvalidValueError(
-                "horizon_samples", self.horizon_samples, f"must be at least {4 * self.samples_per_step} for mean_speed"
-            )
 
     def _check_multiple(self, name: str, of: str) -> None:
         ratio = getattr(self, name) / getattr(self, of)
@@ -149,22 +148,18 @@ class Parameters:
                 raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
         return new
 
-    @cached_property
-    def terms(self) -> Scheme:
-        """What the scheme's name stands for."""
+    @property
+    def formulation(self) -> Scheme:
+        """Terms, constraints and footholds of the scheme."""
         return SCHEMES[self.scheme]
 
     @cached_property
-    def ticks_per_sample(self) -> int:
-        """Control ticks from one sample of the gait's grid to the next."""
-        return round(self.sampling_period / self.control_period)
-
-    @cached_property
-    def samples_per_step(self) -> int:
-        """Samples that one support foot carries."""
-        return round(self.step_duration / self.sampling_period)
-
-    @property
-    def samples_before_first_step(self) -> int:
-        """Samples of the initial double support."""
-        return round(self.initial_double_support_duration / self.sampling_period)
+    def timing(self) -> Timing:
+        """Periods and durations of the gait."""
+        return Timing(
+            self.horizon_samples,
+            self.sampling_period,
+            self.control_period,
+            self.step_duration,
+            self.initial_double_support_duration,
+        )

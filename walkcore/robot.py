@@ -14,9 +14,9 @@ import yaml
 
 from walkcore.command import Push, Reference
 from walkcore.errors import UnknownNameError
-from walkcore.mpc.gait import Footstep, Side
 from walkcore.mpc.regions import closest_band, foothold_vertices
-from walkcore.values import Matrix, Vector, check_range, read_only
+from walkcore.mpc.stance import Footstep, Side
+from walkcore.values import Matrix, Vector, check_range, frozen_copy
 
 ROBOTS = files("walkcore") / "robots"
 
@@ -162,12 +162,12 @@ def load_robot(name: str) -> Robot:
         mass=float(data["mass"]),
         com_height=float(data["com_height"]),
         stance_width=float(data["stance_width"]),
-        sole=read_only(data["sole"]),
+        sole=frozen_copy(data["sole"]),
         foothold_regions=tuple(
-            FootholdRegion(float(band["yaw"][0]), float(band["yaw"][1]), read_only(band["region"]))
+            FootholdRegion(float(band["yaw"][0]), float(band["yaw"][1]), frozen_copy(band["region"]))
             for band in data["foothold_regions"]
         ),
-        max_foot_speed=read_only(data["max_foot_speed"], shape=(2,)),
+        max_foot_speed=frozen_copy(data["max_foot_speed"], shape=(2,)),
         max_foot_yaw_rate=float(data["max_foot_yaw_rate"]),
         max_com_distance=float(data["max_com_distance"]),
         max_reference={key: (float(low), float(high)) for key, (low, high) in data["max_reference"].items()},

@@ -16,19 +16,22 @@ from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutio
 from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
 from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
 from walkcore.motion.whole_body import BodyTarget, WholeBody
-from walkcore.mpc.gait import Footstep, Gait, Horizon, Phase, Side
+from walkcore.mpc.gait import Gait, GaitState, Phase
 from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.pattern_generator import PatternGenerator, Plan, Status
+from walkcore.mpc.pattern_generator import PatternGenerator
+from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
-from walkcore.mpc.regions import polygon, sole_vertices
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.mpc.supports import WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot, load_robot
-from walkcore.snapshot import Snapshot
+from walkcore.snapshot import GivenPush, Snapshot
 from walkcore.stages import UNTIMED, Stages
 from walkcore.state import PushUnderWay, SimulationState
-from walkcore.values import Vector, frozen, read_only, rotation
+from walkcore.values import Vector, freeze, frozen_copy, rotation
 
-NO_IMPULSE = read_only(np.zeros(2))
+NO_IMPULSE = frozen_copy(np.zeros(2))
 
 
 class Simulation:
@@ -53,7 +56,7 @@ class Simulation:
         self._stages = stages
         self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
-        self._max_foot_speed = read_only([*self.robot.max_foot_speed, self.robot.max_foot_yaw_rate])
+        self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
 
     def change(self, parameters: Parameters) -> None:
@@ -64,17 +67,18 @@ class Simulation:
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
         generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages)
-        self._gait = self._gait.going_on_with(parameters, self._tick)
+        self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
 
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
         self._tick = 0
-        self._gait = Gait(self.parameters)
+        self._gait = Gait(self.parameters.timing)
         self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
-        self._com = CoMState(middle, np.zeros(2), np.zeros(2))
+        self._com = CoMState.at_rest(middle)
         self._pushes: tuple[PushUnderWay, ...] = ()
+        self._last_push: GivenPush | None = None
         self._why_fallen = ""
         self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
@@ -104,21 +108,16 @@ class Simulation:
         """
         if self.body is not None and (state.q is None or state.q_before is None):
             raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
-        self._tick, self._gait = state.tick, state.gait.going_on_with(self.parameters, state.tick)
+        self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
         self._offset = state.com_offset
         self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
 
     @property
-    def com_height(self) -> float:
-        """CoM height h [m]."""
-        return self._generator.com_height
-
-    @property
     def heading(self) -> float:
         """Mean yaw of the feet [rad]."""
-        return sum(foot.yaw for foot in self._feet.values()) / 2
+        return (self._feet[Side.LEFT].yaw + self._feet[Side.RIGHT].yaw) / 2
 
     def step(self, command: Command | None = None) -> Snapshot:
         """Advance by one tick. Never raises for what happens to the robot: `status` tells.
@@ -132,13 +131,14 @@ class Simulation:
         self._stages.start()
         command = Command() if command is None else command
         impulse = self._impulse(command.push)
-        if impulse.any():
+        if impulse is not NO_IMPULSE:
             self._com = self._com.pushed(impulse / self.robot.mass)
         plan = self._decide(command.reference)
-        snapshot = self._snapshot(command.reference, impulse, plan)
+        gait = self._gait.at(self._tick)
+        snapshot = self._snapshot(command.reference, impulse, plan, gait)
         self._stages.lap("snapshot")
         if plan is not None:
-            self._advance(plan)
+            self._advance(plan, gait)
         if not self._why_fallen and self.body is not None:
             snapshot = self._move_body(self.body, snapshot, impulse)
         self._tick += 1
@@ -154,59 +154,42 @@ class Simulation:
         return ghost.step(command)
 
     def _impulse(self, push: Push | None) -> Vector:
-        """What all pushes under way give at this tick, in the world frame [N s]."""
+        """Impulse that all pushes under way give at this tick, in the world frame [N s], shape (2,)."""
         if push is not None:
             ticks = max(1, round(push.duration / self.parameters.control_period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
             self._pushes += (PushUnderWay(impulse / ticks, ticks),)
+            self._last_push = GivenPush(self._tick, (float(impulse[0]), float(impulse[1])), push.duration)
         if not self._pushes:
             return NO_IMPULSE
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
         return NO_IMPULSE if self._why_fallen else total
 
-    @property
-    def _support(self) -> Footstep:
-        side = self._gait.support_side(self._tick)
-        return _footstep(side, self._feet[side])
-
-    @property
-    def _swing(self) -> Footstep:
-        side = self._gait.support_side(self._tick).other
-        return _footstep(side, self._feet[side])
-
     def _decide(self, reference: Reference) -> Plan | None:
         """The plan of this tick, or none if the robot has fallen."""
         if self._why_fallen:
             return None
-        distance = math.hypot(*(self._com.position - self._support.position))
-        if distance > self.robot.max_com_distance:
-            limit = self.robot.max_com_distance
+        support, _ = self._support_and_swing(self._gait.support_side(self._tick))
+        distance, limit = math.dist(self._com.position.tolist(), support.position.tolist()), self.robot.max_com_distance
+        if distance > limit:
             self._fall_down(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
             return None
-        if not self.parameters.terms.is_constrained and self._cop_excess() > 0.0:
-            x, y = self._com.cop(self.com_height, self.parameters.gravity)
-            self._fall_down(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
-            return None
-        wants_to_walk = self.parameters.stepping_in_place or not reference.is_zero
-        return self._first_that_works(
-            self._gait.choices(self._tick, wants_to_walk, _first_support(reference)), reference
-        )
+        if not self.parameters.formulation.is_constrained:
+            x, y = cop = self._generator.pendulum.cop(self._com)
+            if polygon(self._stance(self._gait.at(self._tick)).polygon).excess(cop) > 0.0:
+                self._fall_down(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
+                return None
+        walks = self.parameters.stepping_in_place or not reference.is_zero
+        return self._first_that_works(self._gait.candidates(self._tick, walks, _first_support(reference)), reference)
 
-    def _cop_excess(self) -> float:
-        """How far the CoP is outside of the soles on the ground [m]; negative inside."""
-        is_single = self._gait.phase(self._tick) is Phase.SINGLE_SUPPORT
-        feet = [self._support] if is_single else [self._support, self._swing]
-        ground = polygon(np.vstack([sole_vertices(self.robot.sole, foot) for foot in feet]))
-        return ground.excess(self._com.cop(self.com_height, self.parameters.gravity))
-
-    def _first_that_works(self, choices: tuple[Gait, ...], reference: Reference) -> Plan | None:
+    def _first_that_works(self, candidates: tuple[Gait, ...], reference: Reference) -> Plan | None:
         """Take the first gait whose plan keeps every margin, else the first that does not lead to a fall."""
         plans: list[tuple[Gait, Plan]] = []
         reasons: list[str] = []
-        for gait in choices:
+        for gait in candidates:
             try:
-                plan = self._plan(gait, reference)
+                plan = self._generator.plan(self._problem(gait, reference))
             except NoSolutionFoundError as failure:
                 reasons.append(str(failure))
                 continue
@@ -220,49 +203,56 @@ class Simulation:
         self._gait = gait
         return plan
 
-    def _plan(self, gait: Gait, reference: Reference) -> Plan:
-        present = self._present(gait, reference)
-        self._stages.lap("gait")
-        return self._generator.plan(*present)
-
     def qp(self, reference: Reference) -> QP:
         """The paper's QP of the coming tick, if the gait goes on as it is."""
-        return self._generator.qp(*self._present(self._gait, reference))
+        return self._generator.qp(self._problem(self._gait, reference))
 
-    def _present(
-        self, gait: Gait, reference: Reference
-    ) -> tuple[CoMState, Footstep, Footstep, Horizon, Reference, float]:
-        """What the pattern generator is told."""
-        side = gait.support_side(self._tick)
-        support, swing = (_footstep(foot, self._feet[foot]) for foot in (side, side.other))
-        return self._com, support, swing, gait.horizon(self._tick), reference, self.heading
+    def _problem(self, gait: Gait, reference: Reference) -> WalkingProblem:
+        support, swing = self._support_and_swing(gait.support_side(self._tick))
+        horizon = gait.horizon(self._tick)
+        problem = WalkingProblem(self._com, support, swing, horizon, reference, self.heading)
+        self._stages.lap("gait")
+        return problem
+
+    def _support_and_swing(self, side: Side) -> tuple[Footstep, Footstep]:
+        """The foot of a side, and the other one, where they are."""
+        feet = self._feet
+        return _footstep(side, feet[side]), _footstep(side.other, feet[side.other])
+
+    def _stance(self, gait: GaitState) -> Stance:
+        """The foot, or both feet, on the ground."""
+        support, swing = self._support_and_swing(gait.support_side)
+        return Stance((support,) if gait.phase is Phase.SINGLE_SUPPORT else (support, swing), self.robot.sole)
 
     def _fall_down(self, reason: str) -> None:
         """Stay where the robot is until a reset."""
         self._why_fallen = reason
-        self._com = CoMState(self._com.position, np.zeros(2), np.zeros(2))
+        self._com = CoMState.at_rest(self._com.position)
 
-    def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None) -> Snapshot:
-        horizon = self._gait.horizon(self._tick)
+    def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None, gait: GaitState) -> Snapshot:
+        stance = self._stance(gait)
+        horizon = plan or self._gait.horizon(self._tick).stances
         return Snapshot(
             tick=self._tick,
             t=self._tick * self.parameters.control_period,
             com=self._com,
-            com_height=self.com_height,
+            pendulum=self._generator.pendulum,
             jerk=NO_IMPULSE if plan is None else plan.jerks[0],
-            cop=frozen(self._com.cop(self.com_height, self.parameters.gravity)),
+            cop=freeze(self._generator.pendulum.cop(self._com)),
             true_cop=None,
             torques=None,
             reference=reference,
             heading=self.heading,
-            phase=self._gait.phase(self._tick),
-            support=self._support,
-            samples_on_support=horizon.nb_samples_on_support,
-            time_to_touchdown=horizon.time_to_touchdown,
-            steps_to_stand=self._gait.steps_to_stand(self._tick),
+            phase=gait.phase,
+            support=stance.feet[0],
+            stance=stance,
+            samples_on_support=horizon.samples_on_support,
+            time_to_touchdown=gait.time_to_touchdown,
+            steps_to_stand=gait.steps_to_stand,
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
-            push=read_only(impulse),
+            push=frozen_copy(impulse),
+            last_push=self._last_push,
             status=Status.FALLEN if plan is None else plan.status,
             reason=self._why_fallen,
             plan=plan,
@@ -270,40 +260,51 @@ class Simulation:
             q=self._q,
         )
 
-    def _advance(self, plan: Plan) -> None:
+    def _advance(self, plan: Plan, now: GaitState) -> None:
         """CoM and feet at the next tick."""
         p, tick = self.parameters, self._tick
         if p.dynamic_filter and self.body is not None:
-            self._offset = self._next_offset(plan)
+            self._offset = self._next_offset(plan, now)
             self._stages.lap("dynamic_filter")
-        if self._gait.phase(tick) is Phase.SINGLE_SUPPORT:
-            side = self._gait.support_side(tick).other
-            foot = swing(
-                self._feet[side],
-                plan.footholds[0],
-                self._gait.time_to_touchdown(tick),
-                p.control_period,
-                self._max_foot_speed,
-                self._support.yaw,
-            )
-            has_landed = self._gait.support_side(tick + 1) is side
-            height = 0.0 if has_landed else swing_height(self._gait.swing_progress(tick + 1), p.swing_height)
-            self._feet[side] = replace(foot, height=height)
+        if now.phase is Phase.SINGLE_SUPPORT:
+            self._swing_foot(plan.footholds[0], now)
         self._com = self._com.integrated(plan.jerks[0], p.control_period)
-        ended = self._gait.has_ended(tick + 1)
-        support = self._gait.support_side(tick + 1)
-        self._gait = Gait(p, support) if ended else self._gait.at_next_step(p, tick + 1)
+        if self._gait.has_ended(tick + 1):
+            self._gait = Gait(p.timing, self._gait.support_side(tick + 1))
+        else:
+            self._gait = self._gait.at_next_step(p.timing, tick + 1)
         self._stages.lap("swing_foot")
 
-    def _next_offset(self, plan: Plan) -> Offset:
-        side = self._gait.support_side(self._tick)
-        motion = Motion(self._tick, self._gait, self._com, self._feet[side], self._feet[side.other], plan)
-        omega = self._generator.omega
+    def _swing_foot(self, foothold: Footstep, now: GaitState) -> None:
+        """The foot in the air at the next tick."""
+        p, side = self.parameters, now.support_side.other
+        self._feet[side] = swing(
+            self._feet[side],
+            foothold,
+            time_left=now.time_to_touchdown,
+            tick=p.control_period,
+            max_speed=self._max_foot_speed,
+            support_yaw=self._feet[now.support_side].yaw,
+            height=swing_height(now.next_swing_progress, p.swing_height),
+        )
+
+    def _next_offset(self, plan: Plan, now: GaitState) -> Offset:
+        p, side = self.parameters, now.support_side
+        motion = Motion(
+            self._gait.timing,
+            now.time_to_touchdown,
+            p.swing_height,
+            self._com,
+            support=self._feet[side],
+            swing=self._feet[side.other],
+            plan=plan,
+        )
+        omega = self._generator.pendulum.omega
         divergent = divergent_offset(motion, self.robot.swing_moments, omega)
         return self._offset.towards(divergent, omega, self.parameters.control_period)
 
     def _body_target(self) -> BodyTarget:
-        com = np.array([*(self._com.position + self._offset.position), self.com_height])
+        com = np.array([*(self._com.position + self._offset.position), self._generator.pendulum.height])
         return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
 
     def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:
@@ -317,8 +318,7 @@ class Simulation:
             return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
         self._q_before, self._q = now, after
         self._stages.lap("inverse_kinematics")
-        side = snapshot.support.side
-        on_ground = (side,) if snapshot.phase is Phase.SINGLE_SUPPORT else (side, side.other)
+        on_ground = [foot.side for foot in snapshot.stance.feet]
         dynamics = body.dynamics(before, now, after, period, impulse / period, on_ground)
         self._stages.lap("true_cop")
         return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)

@@ -4,10 +4,23 @@ from dataclasses import dataclass
 
 from walkcore.command import Reference
 from walkcore.motion.swing_foot import FootState
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.pattern_generator import Plan, Status
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.lipm import CoMState, Pendulum
+from walkcore.mpc.plan import Plan, Status
+from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.values import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class GivenPush:
+    """A push as it was given."""
+
+    tick: int
+    """At which it began."""
+    impulse: tuple[float, float]
+    """All of it, world frame [N s]."""
+    duration: float
+    """[s]; zero gives the whole impulse in one tick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,8 +31,8 @@ class Snapshot:
     t: float
     """[s]."""
     com: CoMState
-    com_height: float
-    """[m]."""
+    pendulum: Pendulum
+    """The model that the CoM follows: its height, and omega."""
     jerk: Vector
     """Of the CoM over the coming tick [m/s^3], shape (2,)."""
     cop: Vector
@@ -34,6 +47,8 @@ class Snapshot:
     phase: Phase
     support: Footstep
     """The foot that the QP holds fixed."""
+    stance: Stance
+    """The foot, or both feet, on the ground."""
     samples_on_support: int
     """Samples of the horizon that the support foot carries alone."""
     time_to_touchdown: float
@@ -44,6 +59,8 @@ class Snapshot:
     right_foot: FootState
     push: Vector
     """Impulse given at this tick [N s], shape (2,)."""
+    last_push: GivenPush | None
+    """The latest push; None before the first one."""
     status: Status
     reason: str
     """What went wrong, where something did."""
@@ -53,6 +70,16 @@ class Snapshot:
     """From the model's CoM to the body's, where the dynamic filter moves it [m], shape (2,)."""
     q: Vector | None
     """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
+
+    @property
+    def com_height(self) -> float:
+        """Height of the CoM above the ground [m]."""
+        return self.pendulum.height
+
+    @property
+    def dcm(self) -> Vector:
+        """Divergent component of motion c + dc/omega [m], shape (2,)."""
+        return self.pendulum.dcm(self.com)
 
     @property
     def feet(self) -> dict[Side, FootState]:

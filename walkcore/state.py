@@ -4,15 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
+
 from walkcore.errors import InvalidValueError
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import FootState
 from walkcore.motion.whole_body import configuration_size
-from walkcore.mpc.gait import Gait, Side
+from walkcore.mpc.gait import Gait
 from walkcore.mpc.lipm import CoMState
+from walkcore.mpc.stance import Side
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
-from walkcore.values import Vector, check_keys, check_mapping, check_range, check_vector, check_whole, read_only
+from walkcore.values import Vector, check_keys, check_mapping, check_range, check_vector, check_whole, frozen_copy
 
 MAX_TICK = 10**9
 FARTHEST = 1e5  # [m] from the origin
@@ -30,7 +33,7 @@ class PushUnderWay:
     ticks_left: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "impulse_per_tick", read_only(self.impulse_per_tick, shape=(2,)))
+        object.__setattr__(self, "impulse_per_tick", frozen_copy(self.impulse_per_tick, shape=(2,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +64,7 @@ class SimulationState:
                 "first_support": self.gait.first_support.name.lower(),
                 "start": None if self.gait.start is None else int(self.gait.start),
                 "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
-                "step_duration": self.gait.parameters.step_duration,
+                "step_duration": self.gait.timing.step_duration,
             },
             "com": _plain(self.com, COM),
             "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
@@ -103,7 +106,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
         gait=_gait(values["gait"], tick, parameters),
         left_foot=_foot("initial_state.left_foot", values["left_foot"]),
         right_foot=_foot("initial_state.right_foot", values["right_foot"]),
-        com=CoMState(**_vectors("initial_state.com", values["com"], COM)),
+        com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
         pushes=_pushes(values["pushes"], robot),
         why_fallen=values["why_fallen"],
         com_offset=Offset(**_vectors("initial_state.com_offset", values["com_offset"], OFFSET)),
@@ -143,7 +146,7 @@ def _vectors(where: str, data: Any, vectors: Mapping[str, tuple[int, float]]) ->
 def _foot(where: str, data: Any) -> FootState:
     values = _complete(where, data, (*FOOT, "height"))
     height = check_range(f"{where}.height", values.pop("height"), 0.0, HIGHEST)
-    return FootState(**_vectors(where, values, FOOT), height=height)
+    return FootState(np.array(list(_vectors(where, values, FOOT).values())), height)
 
 
 def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
@@ -160,7 +163,7 @@ def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
         check_whole(f"{where}.nb_steps", nb_steps, 1, MAX_TICK)
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
-    gait = Gait(_timed(parameters, values["step_duration"]), sides[side], start, nb_steps)
+    gait = Gait(_timed(parameters, values["step_duration"]).timing, sides[side], start, nb_steps)
     if gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait

@@ -12,23 +12,24 @@ from walkcore.errors import InvalidValueError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+FLOAT = np.dtype(np.float64)
 
 
-def read_only(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
+def frozen_copy(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
     """`array` in double precision, as a copy that nobody can write to, unless it is one already.
 
     Raises:
         ValueError: if the shape is not the one asked for.
     """
-    is_frozen = isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable
-    copy = cast(Vector, array) if is_frozen else np.array(array, dtype=np.float64)
+    is_frozen = isinstance(array, np.ndarray) and array.dtype is FLOAT and not array.flags.writeable
+    copy = cast(Vector, array) if is_frozen else np.array(array, dtype=FLOAT)
     if shape is not None and copy.shape != shape:
         raise ValueError(f"shape {copy.shape} instead of {shape}")
     copy.flags.writeable = False
     return copy
 
 
-def frozen(array: Vector) -> Vector:
+def freeze(array: Vector) -> Vector:
     """`array` itself, which nobody else has yet, so that nobody will write to it."""
     array.flags.writeable = False
     return array
@@ -77,7 +78,7 @@ def check_vector(field: str, value: object, size: int, low: float = -math.inf, h
     if not isinstance(value, list | tuple) or len(cast(Sequence[Any], value)) != size:
         raise InvalidValueError(field, cast(object, value), f"must be a list of {size} numbers")
     components = enumerate(cast(Sequence[Any], value))
-    return read_only([check_range(f"{field}[{i}]", component, low, high) for i, component in components])
+    return frozen_copy([check_range(f"{field}[{i}]", component, low, high) for i, component in components])
 
 
 def check_text(field: str, value: object) -> str:

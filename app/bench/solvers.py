@@ -11,7 +11,7 @@ import quadprog
 from app.bench.durations import Durations
 from walkcore import Scenario, Simulation
 from walkcore.mpc.preview import Layout
-from walkcore.mpc.qp import QP, SOLVERS, solve_qp
+from walkcore.mpc.qp import QP, SOLVERS, Solver
 from walkcore.values import Vector
 
 TURN = 25  # QPs that a solver solves before it is the next one's turn: a machine that is busy is so for all of them
@@ -46,7 +46,7 @@ def problems_of(scenario: Scenario, count: int) -> list[QP]:
 
 def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
     """Solve them by every solver, taking turns."""
-    solvers: dict[str, Callable[[QP], Vector]] = {name: partial(_solution, name) for name in SOLVERS}
+    solvers: dict[str, Callable[[QP], Vector]] = {name: partial(_solution, kind()) for name, kind in SOLVERS.items()}
     solvers |= {EXACT: _exact}
     durations: dict[str, list[float]] = {name: [] for name in solvers}
     footholds: dict[str, list[Vector]] = {name: [] for name in solvers}
@@ -56,8 +56,8 @@ def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
                 begin = time.perf_counter()
                 u = solve(problem)
                 durations[name].append(time.perf_counter() - begin)
-                layout = Layout(nb_samples, len(u) // 2 - nb_samples)
-                footholds[name].append(layout.footholds(u)[:1].ravel())
+                _, positions = Layout(nb_samples, len(u) // 2 - nb_samples, are_footholds_free=True).split(u)
+                footholds[name].append(positions[:1].ravel())
     exact = np.concatenate(footholds[EXACT])
     return {
         name: _result(durations[name], durations[EXACT], np.concatenate(footholds[name]) - exact) for name in solvers
@@ -70,8 +70,8 @@ def _result(durations: list[float], exact: list[float], errors: Vector) -> Solve
     return SolverResult(summary, ratio, float(np.percentile(mm, 95)), float(np.max(mm)))
 
 
-def _solution(name: str, problem: QP) -> Vector:
-    return solve_qp(problem, name).u
+def _solution(solver: Solver, problem: QP) -> Vector:
+    return solver.solve(problem).u
 
 
 def _exact(problem: QP) -> Vector:

@@ -14,8 +14,7 @@ from matplotlib.patches import Polygon
 
 from app.drawing import palette
 from walkcore.analysis.columns import Walk
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 
 WIDTH = 7.4  # [in]
 SPEED_HEIGHT = 2.6  # [in]

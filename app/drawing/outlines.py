@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from walkcore import Parameters, Robot, Snapshot
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.values import Matrix, rotation
 
 
@@ -50,7 +50,7 @@ def carriers(snapshot: Snapshot, parameters: Parameters) -> list[tuple[Footstep,
     for k, foot in enumerate(plan.footholds, start=1):
         ends = k == snapshot.steps_to_stand
         # The last one carries all that is left, also where the step under way is longer than those to come.
-        count = nb_samples if k == len(plan.footholds) else parameters.samples_per_step
+        count = nb_samples if k == len(plan.footholds) else parameters.timing.samples_per_step
         result += [(foot, feet[k - 1]) if ends else (foot,)] * count
     return result[:nb_samples]
 

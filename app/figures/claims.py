@@ -12,7 +12,7 @@ from walkcore import Recording
 from walkcore.analysis.columns import cop_error, ticks_relaxed
 from walkcore.analysis.recovery import Recovery
 
-LABELS = {"speed_only": "(17)", "speed_and_jerk": "(19), γ = 0", "full": "(19)", "mean_speed": "(31)"}
+LABELS = {"speed_only": "(17)", "speed_and_jerk": "(19), γ = 0", "full": "(19)", "mean_velocity": "(31)"}
 SAME = 0.05  # relative difference below which a number is the paper's
 MARGIN = 0.03  # [m]
 MARGIN_TOLERANCE = 1e-6  # [m]
@@ -42,7 +42,7 @@ def claims(walks: Walks, times: SolveTimes) -> list[Claim]:
         _cop_under_feet(walks),
         _overshoot(walks),
         _lateral_speed(walks),
-        _lateral_mean_speed(walks),
+        _lateral_mean_velocity(walks),
         _sway(walks),
         _sensitivity(walks),
         *_pushes(walks),
@@ -68,7 +68,7 @@ def _margins(walks: Walks) -> Iterator[Claim]:
 
 
 def _solve_times(times: SolveTimes) -> Iterator[Claim]:
-    (median, p95, most), longer = np.percentile(times.full, (50, 95, 100)), float(np.median(times.mean_speed))
+    (median, p95, most), longer = np.percentile(times.full, (50, 95, 100)), float(np.median(times.mean_velocity))
     yield Claim(
         "Assembling and solving (19), median",
         "< 1 ms",
@@ -172,10 +172,10 @@ def _lateral_speed(walks: Walks) -> Claim:
     )
 
 
-def _lateral_mean_speed(walks: Walks) -> Claim:
-    walk, varied = walks.by_scheme["mean_speed"], walks.variations
+def _lateral_mean_velocity(walks: Walks) -> Claim:
+    walk, varied = walks.by_scheme["mean_velocity"], walks.variations
     asked, speed = abs(measures.lateral_reference(walk)), abs(measures.lateral_speed(walk))
-    spread, heavy = (abs(measures.lateral_speed(varied[v].mean_speed)) for v in (SPREAD, SPREAD_HEAVY))
+    spread, heavy = (abs(measures.lateral_speed(varied[v].mean_velocity)) for v in (SPREAD, SPREAD_HEAVY))
     bound, wider = measures.lateral_bound(walk), measures.lateral_bound(varied[SPREAD].full)
     return Claim(
         "Mean lateral speed by (31)",
@@ -188,7 +188,7 @@ def _lateral_mean_speed(walks: Walks) -> Claim:
 
 
 def _sway(walks: Walks) -> Claim:
-    sways = [measures.lateral_sway(walks.by_scheme[scheme]) for scheme in ("full", "mean_speed")]
+    sways = [measures.lateral_sway(walks.by_scheme[scheme]) for scheme in ("full", "mean_velocity")]
     return Claim(
         "Lateral sway of the speed, peak to peak: (19), (31)",
         "stronger by (31)",
@@ -199,7 +199,7 @@ def _sway(walks: Walks) -> Claim:
 
 
 def _sensitivity(walks: Walks) -> Claim:
-    two, four = (ticks_relaxed(walks.by_scheme[scheme]) for scheme in ("full", "mean_speed"))
+    two, four = (ticks_relaxed(walks.by_scheme[scheme]) for scheme in ("full", "mean_velocity"))
     return Claim(
         "Ticks at which the same push takes some of the margin: (19), (31)",
         "(31) may be more sensitive to perturbations",

@@ -12,7 +12,7 @@ from app.drawing.axes import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, fig
 from app.figures import measures
 from walkcore import Recording
 from walkcore.analysis.columns import cop_error
-from walkcore.mpc.gait import Side
+from walkcore.mpc.stance import Side
 from walkcore.values import Vector
 
 PUSH_LENGTH = 0.22  # [m], of the arrow, whatever the push

@@ -13,7 +13,7 @@ TITLES = {
     "speed_only": "QP (17): speed only",
     "speed_and_jerk": "QP (19), γ = 0: speed and jerk",
     "full": "QP (19): speed, jerk and CoP",
-    "mean_speed": "QP (31): mean speed over two steps",
+    "mean_velocity": "QP (31): mean speed over two steps",
 }
 NAMES = {"hrp2": "HRP-2", "talos": "Talos"}
 
@@ -57,7 +57,7 @@ def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
     name, by_scheme = NAMES[walks.robot.name], walks.by_scheme
     previewing_two_steps = [by_scheme[scheme] for scheme in ("speed_only", "speed_and_jerk", "full")]
     forward = drawing.speed_limits(previewing_two_steps, "x")
-    lateral = drawing.speed_limits([by_scheme["full"], by_scheme["mean_speed"]], "y")  # to be compared by eye
+    lateral = drawing.speed_limits([by_scheme["full"], by_scheme["mean_velocity"]], "y")  # to be compared by eye
 
     for number, scheme in ((1, "speed_only"), (3, "speed_and_jerk"), (5, "full")):
         above, over_time = (f"Fig. {n} · {name} · {TITLES[scheme]}" for n in (number, number + 1))
@@ -65,7 +65,7 @@ def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
         drawing.draw_speed(folder / f"fig{number + 1}", formats, over_time, by_scheme[scheme], "x", forward)
     title = f"Fig. 7, red curve · {name} · reaction to a step of the reference"
     drawing.draw_reaction(folder / "fig7", formats, title, by_scheme["full"])
-    for number, scheme in ((8, "full"), (9, "mean_speed")):
+    for number, scheme in ((8, "full"), (9, "mean_velocity")):
         title, walk = f"Fig. {number} · {name} · {TITLES[scheme]}", by_scheme[scheme]
         means = measures.mean_over_horizon(walk, "com_vy")
         drawing.draw_speed(folder / f"fig{number}", formats, title, walk, "y", lateral, means)

@@ -10,7 +10,8 @@ from walkcore.analysis.columns import points, touchdowns
 from walkcore.analysis.margins import support_margins
 from walkcore.analysis.recovery import Recovery, recoveries
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.regions import mirrored, polygon
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import mirrored
 from walkcore.values import Vector
 
 Mask = NDArray[np.bool_]

@@ -60,7 +60,7 @@ def _table_of_variations(walks: Walks) -> str:
     rows: list[str] = []
     for name, variation in walks.variations.items():
         y = 100 * np.array(variation.full.parameters["foothold_region"])[:, 1]
-        speeds = [abs(measures.lateral_speed(walk)) for walk in (variation.full, variation.mean_speed)]
+        speeds = [abs(measures.lateral_speed(walk)) for walk in (variation.full, variation.mean_velocity)]
         numbers = " | ".join(f"{speed:.3f}" for speed in (measures.lateral_bound(variation.full), *speeds))
         rows.append(f"| {name} | {y.min():.1f} to {y.max():.1f} | {numbers} |")
     asked = abs(measures.lateral_reference(walks.without_push))

@@ -16,14 +16,14 @@ class SolveTimes:
 
     full: Vector
     """Of (19), which previews two steps [s]."""
-    mean_speed: Vector
+    mean_velocity: Vector
     """Of (31), which previews four [s]."""
 
 
 def solve_times(robot: str) -> SolveTimes:
     """Measure by walking the sample motion once with each scheme."""
     motion = sample_motion(robot, PAPER_PERIOD)
-    return SolveTimes(plan_durations(motion), plan_durations(using(motion, "mean_speed")))
+    return SolveTimes(plan_durations(motion), plan_durations(using(motion, "mean_velocity")))
 
 
 def plan_durations(scenario: Scenario) -> Vector:

@@ -10,10 +10,10 @@ import numpy as np
 
 from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record
 from walkcore.robot import FootholdRegion
-from walkcore.values import read_only
+from walkcore.values import frozen_copy
 
 SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos": "herdt-2010-section-6"})
-SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_speed")
+SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_velocity")
 PAPER_PERIOD = Parameters().sampling_period  # [s]
 HARD_PUSH = 0.22  # [m/s] that it adds to the velocity of the CoM: too much for the sole to take without a step
 SPARE = 1.1  # of what a widened foothold region allows, over the speed that is asked
@@ -31,7 +31,7 @@ class Variation:
 
     full: Recording
     """By (19)."""
-    mean_speed: Recording
+    mean_velocity: Recording
     """By (31)."""
 
 
@@ -62,7 +62,7 @@ def simulate(robot: str, control_period: float) -> Walks:
     motion = sample_motion(robot, control_period)
     motions = {scheme: using(motion, scheme) for scheme in SCHEMES}
     embodied = motions["full"] = replace(motion, robot=load_robot(robot))
-    varied = {name: (scenario, using(scenario, "mean_speed")) for name, scenario in _variations(robot).items()}
+    varied = {name: (scenario, using(scenario, "mean_velocity")) for name, scenario in _variations(robot).items()}
     filtered = replace(embodied, parameters=embodied.parameters.changed({"dynamic_filter": True}))
     filters = [filtered] if embodied.robot.body is not None else []
     scenarios = [*motions.values(), *filters, pushed(motion, 0.0), pushed(motion, HARD_PUSH)]
@@ -88,8 +88,8 @@ def sample_motion(robot: str, control_period: float) -> Scenario:
 
 def using(scenario: Scenario, scheme: str) -> Scenario:
     """The same scenario by another scheme, with the horizon that it needs: (31) previews four steps, (19) two."""
-    nb_steps = 4 if scheme == "mean_speed" else 2
-    horizon = nb_steps * scenario.parameters.samples_per_step
+    nb_steps = 4 if scheme == "mean_velocity" else 2
+    horizon = nb_steps * scenario.parameters.timing.samples_per_step
     return replace(scenario, parameters=replace(scenario.parameters, scheme=scheme, horizon_samples=horizon))
 
 
@@ -119,5 +119,5 @@ def _with_region(scenario: Scenario, near: float, far: float) -> Scenario:
     region = scenario.robot.foothold_region.copy()
     y = region[:, 1]
     region[:, 1] = near + (y - y.min()) * (far - near) / np.ptp(y)
-    anyhow = FootholdRegion(-math.pi, math.pi, read_only(region))
+    anyhow = FootholdRegion(-math.pi, math.pi, frozen_copy(region))
     return replace(scenario, robot=replace(scenario.robot, foothold_regions=(anyhow,)))

@@ -14,8 +14,7 @@ from walkcore import Robot, load_robot
 from walkcore.footholds.safe_polygon import area
 from walkcore.footholds.step_feasibility import Outcome
 from walkcore.footholds.study import HIGHEST, LOWEST
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import FootholdRegion
 
 # Told apart by shape as well as by colour.

@@ -25,8 +25,7 @@ from app.drawing.outlines import support_polygon
 from app.formats import foxglove as fg
 from app.formats.units import COUNTS, unit
 from walkcore import Recording, Snapshot
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import BodyModel
 from walkcore.scenario.replay import replayed
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ModelWrapValidat
 
 from walkcore import Parameters, robot_names
 from walkcore.mpc.qp import SOLVERS
-from walkcore.mpc.schemes import SCHEMES
+from walkcore.mpc.schemes import DEPRECATED, SCHEMES
 from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION
@@ -42,7 +42,7 @@ def _descriptions(kind: type) -> dict[str, str]:
 
 def _parameter(name: str) -> Any:
     """Type of a parameter with its limits."""
-    choices = {"scheme": tuple(SCHEMES), "solver": tuple(SOLVERS)}
+    choices = {"scheme": (*SCHEMES, *DEPRECATED), "solver": tuple(SOLVERS)}
     if name in choices:
         return Literal[choices[name]]
     if name not in LIMITS and name != "com_height":

@@ -17,7 +17,7 @@ from app.live.session import SessionLog
 from app.live.state import Counts, LiveState, RandomPushes
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.analysis.push_follower import PushFollower, moment_of
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 from walkcore.stages import Stopwatch
 
 logger = logging.getLogger(__name__)
@@ -135,7 +135,7 @@ class Control:
 
     def step_samples(self, samples: int) -> LiveState:
         """Take the ticks up to the next sample of the gait's grid, or to the one so many samples on; as `step`."""
-        per_sample = self.parameters.ticks_per_sample
+        per_sample = self.parameters.timing.ticks_per_sample
         present = self.latest.snapshot.tick
         return self.step((present // per_sample + samples) * per_sample - present)
 
@@ -204,7 +204,7 @@ class Control:
         snapshot = self._simulation.step(command)
         self._pace.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
-        self._follower.see(moment_of(snapshot, self._robot.mass, self.parameters.gravity))
+        self._follower.see(moment_of(snapshot, self._robot.mass))
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,

@@ -15,16 +15,16 @@ import numpy as np
 
 from walkcore import Command, Parameters, Robot, Simulation, Snapshot
 from walkcore.motion.whole_body import WholeBody
-from walkcore.mpc.pattern_generator import Plan
+from walkcore.mpc.plan import Plan
 from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.scenario.session import session_scenario
 from walkcore.state import SimulationState
-from walkcore.values import read_only
+from walkcore.values import frozen_copy
 
 KEPT = 60.0  # [s] at least, of simulated time
 TICKS_PER_SEGMENT = 20  # so few that packing them takes less than 1 ms, and that they go by one message
-NOTHING = read_only(np.zeros((0, 2)))
+NOTHING = frozen_copy(np.zeros((0, 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from app.drawing.axes import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, fig
 from app.report.loading import LoadedRun
 from walkcore.analysis.columns import cop_error, heading_velocity, points, push_rows, reference_changes
 from walkcore.analysis.margins import divergent_component, support_margins
-from walkcore.mpc.gait import Side
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
 from walkcore.values import Vector
 
 HIGHEST = 7.0  # [in] of the view from above

@@ -7,7 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.lipm import Pendulum
+from walkcore.mpc.plan import Status
 from walkcore.values import Matrix, Vector
 
 Mask = NDArray[np.bool_]
@@ -50,6 +51,11 @@ class Walk(Protocol):
     def __getitem__(self, column: str) -> Vector:
         """One column, shape (ticks,)."""
         ...
+
+
+def pendulum(walk: Walk) -> Pendulum:
+    """The model that the CoM of a walk follows."""
+    return Pendulum(float(walk.parameters["com_height"]), float(walk.parameters["gravity"]))
 
 
 def points(walk: Walk, name: str) -> Matrix:

@@ -10,16 +10,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from walkcore.analysis.columns import Walk, points
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.regions import HalfPlanes, polygon, sole_vertices
+from walkcore.analysis.columns import Walk, pendulum, points
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.regions import HalfPlanes, polygon
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.values import Matrix, Vector
 
 
 def divergent_component(walk: Walk) -> Matrix:
     """The DCM of each tick, world frame [m], shape (ticks, 2)."""
-    omega = math.sqrt(walk.parameters["gravity"] / walk.parameters["com_height"])
-    return points(walk, "com") + np.column_stack([walk["com_vx"], walk["com_vy"]]) / omega
+    return points(walk, "com") + np.column_stack([walk["com_vx"], walk["com_vy"]]) / pendulum(walk).omega
 
 
 def support_margins(walk: Walk, places: Matrix) -> Vector:

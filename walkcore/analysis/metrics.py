@@ -13,7 +13,7 @@ from walkcore.analysis.columns import BodyUse, Mask, Walk, cop_error, heading, p
 from walkcore.analysis.margins import divergent_component, support_margins
 from walkcore.analysis.recovery import Recovery, recoveries
 from walkcore.analysis.steady_walking import SteadyWalk, steady_walks
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 from walkcore.values import Vector
 
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Footstep, Side
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector, rotation
 
@@ -42,14 +43,14 @@ class Moment:
     status: Status
 
 
-def moment_of(snapshot: Snapshot, mass: float, gravity: float) -> Moment:
-    """What of a snapshot matters here; mass [kg], gravity [m/s^2]."""
+def moment_of(snapshot: Snapshot, mass: float) -> Moment:
+    """The part of a snapshot that matters here; mass [kg]."""
     velocity = snapshot.com.velocity - snapshot.push / mass
     return Moment(
         t=snapshot.t,
         push=snapshot.push,
         com=snapshot.com.position,
-        capture_point=snapshot.com.position + velocity * math.sqrt(snapshot.com_height / gravity),
+        capture_point=snapshot.com.position + velocity / snapshot.pendulum.omega,
         cop=snapshot.cop,
         support=snapshot.support,
         phase=snapshot.phase,

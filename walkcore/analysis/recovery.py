@@ -1,6 +1,5 @@
 """How the robot gets over its pushes, read off the walk alone: followed as the live robot's are."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ from walkcore.analysis.columns import (
     heading,
     nb_rows_up,
     nb_ticks_of_step,
+    pendulum,
     points,
     push_rows,
     reference_changes,
@@ -18,8 +18,9 @@ from walkcore.analysis.columns import (
 )
 from walkcore.analysis.margins import divergent_component
 from walkcore.analysis.push_follower import FollowedPush, Moment, PushFollower
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Footstep, Side
 from walkcore.values import Matrix, Vector, rotation
 
 
@@ -78,7 +79,7 @@ def _followed(walk: Walk) -> list[FollowedPush]:
 
 def _moments(walk: Walk) -> Iterator[Moment]:
     """Of each tick before a fall."""
-    omega = math.sqrt(walk.parameters["gravity"] / walk.parameters["com_height"])
+    omega = pendulum(walk).omega
     push, com, cop, support = (points(walk, name) for name in ("push", "com", "cop", "support"))
     capture_point = divergent_component(walk) - push / (walk.parameters["mass"] * omega)
     for k in range(nb_rows_up(walk)):

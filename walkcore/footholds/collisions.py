@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from walkcore.mpc.gait import Side
+from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
 

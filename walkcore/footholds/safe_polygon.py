@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from walkcore.errors import EmptyRegionError
-from walkcore.values import Matrix, Vector, read_only
+from walkcore.values import Matrix, Vector, frozen_copy
 
 CLEARANCE = 5e-4  # [m] from the polygon to what must stay outside: more than rounding its corners moves an edge
 NB_DIRECTIONS = 180  # of the lines tried for one cut
@@ -46,7 +46,7 @@ def inscribed_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vert
         left = left[inside(corners, left, CLEARANCE / 2)]
     while len(corners) > max_vertices:
         corners = _without_cheapest_corner(corners, kept)
-    return read_only(np.round(corners, DECIMALS))
+    return frozen_copy(np.round(corners, DECIMALS))
 
 
 def deepest(allowed: Matrix, forbidden: Matrix) -> Vector:
@@ -93,7 +93,7 @@ def intersection(polygons: Sequence[Matrix]) -> Matrix:
             corners = _clipped(corners, outwards, float(outwards @ p))
     if not len(corners):
         raise EmptyRegionError("the polygons have nothing in common")
-    return read_only(np.round(corners, DECIMALS))
+    return frozen_copy(np.round(corners, DECIMALS))
 
 
 def _clipped(corners: Matrix, normal: Vector, bound: float) -> Matrix:

@@ -14,7 +14,7 @@ limits, collisions of the legs with each other, and joint speeds.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -24,7 +24,9 @@ from walkcore.errors import InvalidValueError, InverseKinematicsError
 from walkcore.footholds.collisions import LegDistances, leg_joints
 from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
 from walkcore.motion.whole_body import BodyTarget, WholeBody
-from walkcore.mpc.gait import Footstep, Gait, Phase, Side
+from walkcore.mpc.gait import Gait, Phase
+from walkcore.mpc.lipm import Pendulum
+from walkcore.mpc.stance import Footstep, Side
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.values import Vector, rotation
@@ -87,7 +89,7 @@ class StepTrial:
         if robot.body is None:
             raise InvalidValueError("robot", robot.name, "has no body that could be checked")
         self._robot, self._parameters = robot, Parameters(control_period=INSTANT)
-        self._gait = Gait(self._parameters, Side.RIGHT, start=0)
+        self._gait = Gait(self._parameters.timing, Side.RIGHT, start=0)
         self.com_height = robot.com_height if com_height is None else com_height
         self._body = WholeBody(robot.body)
         model = self._body.model
@@ -129,21 +131,20 @@ class StepTrial:
     def _instants(self, before: Vector, after: Vector) -> Iterator[_Instant]:
         """The step at times `INSTANT` apart, from touchdown to touchdown."""
         p, gait = self._parameters, self._gait
-        nb_ticks = p.samples_per_step * p.ticks_per_sample
+        nb_ticks = p.timing.ticks_per_step
         landing = Footstep(Side.LEFT, after[:2], float(after[2]))
         foot = standing(Footstep(Side.LEFT, before[:2], float(before[2])))
-        max_speed = np.array([*self._robot.max_foot_speed, self._robot.max_foot_yaw_rate])
+        max_speed = (*self._robot.max_foot_speed.tolist(), self._robot.max_foot_yaw_rate)
         for tick in range(nb_ticks + 1):
             yield _Instant(self._com(before[:2] / 2, after[:2] / 2, tick * INSTANT), foot)
-            if tick < nb_ticks and gait.phase(tick) is Phase.SINGLE_SUPPORT:
-                foot = swing(foot, landing, gait.time_to_touchdown(tick), INSTANT, max_speed, support_yaw=0.0)
-                has_landed = tick + 1 == nb_ticks
-                height = 0.0 if has_landed else swing_height(gait.swing_progress(tick + 1), p.swing_height)
-                foot = replace(foot, height=height)
+            now = gait.at(tick)
+            if tick < nb_ticks and now.phase is Phase.SINGLE_SUPPORT:
+                height = swing_height(now.next_swing_progress, p.swing_height)
+                foot = swing(foot, landing, now.time_to_touchdown, INSTANT, max_speed, 0.0, height)
 
     def _com(self, start: Vector, end: Vector, t: float) -> Vector:
         """CoM of the pendulum whose CoP stays at the origin [m], shape (3,)."""
-        T, w = self._parameters.step_duration, math.sqrt(self._parameters.gravity / self.com_height)
+        T, w = self._parameters.step_duration, Pendulum(self.com_height, self._parameters.gravity).omega
         horizontal = (start * math.sinh(w * (T - t)) + end * math.sinh(w * t)) / math.sinh(w * T)
         return np.array([*horizontal, self.com_height])
 

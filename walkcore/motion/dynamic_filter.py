@@ -25,11 +25,11 @@ from functools import lru_cache
 import numpy as np
 
 from walkcore.motion.swing_foot import FootState, standing, swing_accelerations
-from walkcore.mpc.gait import Gait
+from walkcore.mpc.gait import Timing
 from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.pattern_generator import Plan
+from walkcore.mpc.plan import Plan
 from walkcore.robot import SwingMoments
-from walkcore.values import Vector, frozen, read_only
+from walkcore.values import Vector, freeze, frozen_copy
 
 LOOK_AHEAD, STEP = 1.2, 0.025  # [s]; exp(-omega * 1.2 s) is 2 %
 SMOOTHING = 0.04  # [s]
@@ -50,18 +50,22 @@ class Offset:
         """One tick later, if the divergent offset of the plan, `SMOOTHING` from now, is as given [m], shape (2,)."""
         smoothed = self.divergent + (1.0 - math.exp(-period / SMOOTHING)) * (divergent - self.divergent)
         position = self.position + (1.0 - math.exp(-omega * period)) * (smoothed - self.position)
-        return Offset(read_only(position), read_only(smoothed))
+        return Offset(frozen_copy(position), frozen_copy(smoothed))
 
 
-NO_OFFSET = Offset(read_only(np.zeros(2)), read_only(np.zeros(2)))
+NO_OFFSET = Offset(frozen_copy(np.zeros(2)), frozen_copy(np.zeros(2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """What is planned at one tick."""
+    """The motion that is planned at one tick."""
 
-    tick: int
-    gait: Gait
+    timing: Timing
+    """Of the step under way."""
+    time_to_touchdown: float
+    """[s]; NaN if no step is planned."""
+    swing_height: float
+    """Highest point of the sole in the air [m]."""
     com: CoMState
     support: FootState
     swing: FootState
@@ -70,30 +74,29 @@ class Motion:
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
-    return frozen(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
+    return freeze(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
 
 
 def _of_com(motion: Motion, omega: float) -> Vector:
     """What the CoM's acceleration makes of xi, if it moved the CoP by as many metres, shape (2,)."""
-    p, plan = motion.gait.parameters, motion.plan
-    of_jerks = _weights_of_jerks(float(plan.times[0]), p.sampling_period, len(plan.times), omega)
+    plan = motion.plan
+    of_jerks = _weights_of_jerks(float(plan.times[0]), motion.timing.sampling_period, len(plan.times), omega)
     return _weights(omega).sum() * motion.com.acceleration + of_jerks @ plan.jerks
 
 
 def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """What the coming swings make of xi, shape (2,)."""
-    p, gait = motion.gait.parameters, motion.gait
+    timing, landing = motion.timing, motion.time_to_touchdown
     xi = np.zeros(2)
-    landing = gait.time_to_touchdown(motion.tick)
     foot, waiting = motion.swing, motion.support
     for foothold in motion.plan.footholds:
-        lift_off = landing - (p.step_duration - p.double_support_duration)
+        lift_off = landing - (timing.step_duration - timing.sampling_period)
         of_motion, of_height = _weights_of_flight(lift_off, landing, omega)
         direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
         horizontal = of_motion @ [*foot.matrix[:, :2], foothold.position]
-        xi += moments.foot * horizontal + moments.knee * p.swing_height * of_height * direction
+        xi += moments.foot * horizontal + moments.knee * motion.swing_height * of_height * direction
         foot, waiting = waiting, standing(foothold)
-        landing += p.step_duration
+        landing += timing.step_duration
     return xi
 
 
@@ -103,7 +106,7 @@ def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
 @lru_cache(maxsize=16)
 def _weights(omega: float) -> Vector:
     """Of the errors at TIMES in xi."""
-    return read_only(-omega * STEP * np.exp(-omega * AHEAD))
+    return frozen_copy(-omega * STEP * np.exp(-omega * AHEAD))
 
 
 @lru_cache(maxsize=4096)
@@ -112,7 +115,7 @@ def _weights_of_jerks(first_interval: float, interval: float, count: int, omega:
     starts = np.concatenate([[0.0], first_interval + interval * np.arange(count - 1)])
     durations = np.concatenate([[first_interval], np.full(count - 1, interval)])
     acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), durations)  # for so long each jerk has
-    return read_only(_weights(omega) @ acted)
+    return frozen_copy(_weights(omega) @ acted)
 
 
 @lru_cache(maxsize=4096)
@@ -121,4 +124,4 @@ def _weights_of_flight(lift_off: float, landing: float, omega: float) -> tuple[V
     flies = (TIMES > lift_off) & (TIMES < landing)
     horizontal, vertical = swing_accelerations(max(lift_off, 0.0), landing, lift_off, TIMES[flies])
     weights = _weights(omega)[flies]
-    return read_only(weights @ horizontal), float(weights @ vertical)
+    return frozen_copy(weights @ horizontal), float(weights @ vertical)

@@ -10,16 +10,18 @@ holds at the next tick if it holds at this one, so the QP never loses a foothold
 that it has planned, and no foot is ever asked to be faster.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from operator import sub
 
 import numpy as np
 
-from walkcore.mpc.gait import Footstep
-from walkcore.values import Matrix, Vector, read_only, rotation
+from walkcore.mpc.stance import Footstep
+from walkcore.values import Matrix, Vector, freeze, frozen_copy, rotation
 
 # Coefficients of s^0 to s^5, for the fraction s of a time T that has passed, from x, T dx, T^2 ddx and the target.
-QUINTIC = read_only(
+QUINTIC = frozen_copy(
     [
         [1.0, 0.0, 0.0, 0.0],
         [0.0, 1.0, 0.0, 0.0],
@@ -35,37 +37,45 @@ QUINTIC = read_only(
 class FootState:
     """A sole in the world frame, on the ground or in the air."""
 
-    pose: Vector
-    """x, y of the sole frame's origin [m] and yaw [rad], shape (3,)."""
-    velocity: Vector
-    """[m/s] and [rad/s], shape (3,)."""
-    acceleration: Vector
-    """[m/s^2] and [rad/s^2], shape (3,)."""
+    matrix: Matrix
+    """Pose, velocity and acceleration, one below the other, each for x, y [m] and yaw [rad], shape (3, 3)."""
     height: float
-    """Of the sole above the ground [m]."""
-    matrix: Matrix = field(init=False, repr=False)
-    """Pose, velocity and acceleration, one below the other, shape (3, 3)."""
+    """Height of the sole above the ground [m]."""
 
     def __post_init__(self) -> None:
-        matrix = read_only((self.pose, self.velocity, self.acceleration), shape=(3, 3))
-        object.__setattr__(self, "matrix", matrix)
-        for name, row in zip(("pose", "velocity", "acceleration"), matrix, strict=True):
-            object.__setattr__(self, name, row)
+        object.__setattr__(self, "matrix", frozen_copy(self.matrix, shape=(3, 3)))
+
+    @property
+    def pose(self) -> Vector:
+        """x, y of the sole frame's origin [m] and yaw [rad], shape (3,)."""
+        return self.matrix[0]
+
+    @property
+    def velocity(self) -> Vector:
+        """[m/s] and [rad/s], shape (3,)."""
+        return self.matrix[1]
+
+    @property
+    def acceleration(self) -> Vector:
+        """[m/s^2] and [rad/s^2], shape (3,)."""
+        return self.matrix[2]
 
     @property
     def position(self) -> Vector:
         """Origin of the sole frame [m], shape (2,)."""
-        return self.pose[:2]
+        return self.matrix[0, :2]
 
     @property
     def yaw(self) -> float:
         """[rad]."""
-        return float(self.pose[2])
+        return float(self.matrix[0, 2])
 
 
 def standing(foot: Footstep) -> FootState:
     """A foot at rest on the ground."""
-    return FootState(_pose(foot), np.zeros(3), np.zeros(3), 0.0)
+    matrix = np.zeros((3, 3))
+    matrix[0, :2], matrix[0, 2] = foot.position, foot.yaw
+    return FootState(freeze(matrix), 0.0)
 
 
 def swing_height(progress: float, apex: float) -> float:
@@ -79,30 +89,43 @@ def swing_height(progress: float, apex: float) -> float:
 
 
 def swing(
-    foot: FootState, foothold: Footstep, time_left: float, tick: float, max_speed: Vector, support_yaw: float
+    foot: FootState,
+    foothold: Footstep,
+    time_left: float,
+    tick: float,
+    max_speed: Sequence[float],
+    support_yaw: float,
+    height: float,
 ) -> FootState:
-    """The foot one tick later; its height is left as it is.
+    """The foot one tick later.
 
     Args:
         foot: now.
         foothold: where it will land.
         time_left: until touchdown [s].
         tick: [s].
-        max_speed: along x and y of the support foot's frame [m/s], and of the yaw [rad/s], shape (3,).
+        max_speed: along x and y of the support foot's frame [m/s], and of the yaw [rad/s].
         support_yaw: of that frame [rad].
+        height: of the sole one tick later [m], if it has not landed by then.
     """
     if time_left <= 1.5 * tick:
         return standing(foothold)
-    target = _pose(foothold)
-    pose, velocity, acceleration = _one_tick(time_left, tick) @ np.vstack([foot.matrix, target])
+    start = np.empty((4, 3))
+    start[:3], start[3, :2], start[3, 2] = foot.matrix, foothold.position, foothold.yaw
+    after = _one_tick(time_left, tick) @ start
     R = _rotation(support_yaw)
-    to_go, move = np.array([target - foot.pose, pose - foot.pose]) @ R
-    reachable = np.maximum((time_left - tick) * max_speed, 0.0)
-    allowed = np.minimum(np.maximum(move, -tick * max_speed), tick * max_speed)
-    allowed = np.minimum(np.maximum(allowed, to_go - reachable), to_go + reachable)
-    if np.abs(allowed - move).max() > 1e-12:
-        pose, velocity, acceleration = foot.pose + R @ allowed, R @ allowed / tick, np.zeros(3)
-    return FootState(pose, velocity, acceleration, foot.height)
+    move, to_go = ((np.array([after[0], start[3]]) - foot.matrix[0]) @ R).tolist()
+    allowed = [_within_speed(*axis, time_left, tick) for axis in zip(move, to_go, max_speed, strict=True)]
+    if max(map(abs, map(sub, allowed, move))) > 1e-12:
+        after[0], after[1], after[2] = foot.pose + R @ allowed, R @ allowed / tick, 0.0
+    return FootState(freeze(after), height)
+
+
+def _within_speed(move: float, to_go: float, max_speed: float, time_left: float, tick: float) -> float:
+    """The move of one tick that is nearest to a given one, no faster than allowed, now or in the time that is left."""
+    step, reachable = tick * max_speed, max((time_left - tick) * max_speed, 0.0)
+    slowed = min(max(move, -step), step)
+    return min(max(slowed, to_go - reachable), to_go + reachable)
 
 
 def swing_accelerations(start: float, landing: float, lift_off: float, times: Vector) -> tuple[Matrix, Vector]:
@@ -126,10 +149,6 @@ def swing_accelerations(start: float, landing: float, lift_off: float, times: Ve
     return second * [1.0, T, T**2, 1.0] / T**2, bump / flight**2
 
 
-def _pose(foot: Footstep) -> Vector:
-    return np.array([*foot.position, foot.yaw])
-
-
 @lru_cache(maxsize=4096)  # the flights of a walk pass the same times
 def _one_tick(time_left: float, tick: float) -> Matrix:
     """What leads from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
@@ -142,7 +161,7 @@ def _one_tick(time_left: float, tick: float) -> Matrix:
             [0.0, 0.0, 2.0, 6 * s, 12 * s**2, 20 * s**3],
         ]
     )
-    return read_only(derivatives @ QUINTIC * [*scale, 1.0] / scale[:, None])
+    return frozen_copy(derivatives @ QUINTIC * [*scale, 1.0] / scale[:, None])
 
 
 @lru_cache(maxsize=256)
@@ -150,4 +169,4 @@ def _rotation(yaw: float) -> Matrix:
     """From the frame of a foot to the world, for x, y and yaw, shape (3, 3)."""
     R = np.eye(3)
     R[:2, :2] = rotation(yaw)
-    return read_only(R)
+    return frozen_copy(R)

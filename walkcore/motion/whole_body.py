@@ -19,9 +19,9 @@ from pink.tasks import ComTask, FrameTask, PostureTask
 
 from walkcore.errors import InverseKinematicsError
 from walkcore.motion.swing_foot import FootState
-from walkcore.mpc.gait import Side
+from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
-from walkcore.values import Matrix, Vector, read_only
+from walkcore.values import Matrix, Vector, frozen_copy
 
 LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of Talos's posture lie on theirs
 TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what is asked of the walk
@@ -64,7 +64,7 @@ class WholeBody:
         has_limit[:7] = False  # the floating base
         self.model.lowerPositionLimit[has_limit] += LIMIT_MARGIN
         self.model.upperPositionLimit[has_limit] -= LIMIT_MARGIN
-        self.posture = read_only(
+        self.posture = frozen_copy(
             np.where(
                 has_limit,
                 np.clip(
@@ -153,7 +153,7 @@ class WholeBody:
                 break
         if not error <= tolerated:
             raise InverseKinematicsError(f"CoM or a sole is {error:.3f} m or rad away from its target")
-        return read_only(configuration.q)
+        return frozen_copy(configuration.q)
 
     def _error(self, configuration: Configuration) -> float:
         """Largest error of the CoM and the soles [m] or [rad]."""
@@ -202,7 +202,7 @@ class WholeBody:
         cop = np.array([-moment[1], moment[0]]) / force[2]
         for wrench, jacobian in self._contacts(now, cop, force, moment, on_ground):
             torques = torques - jacobian.T @ wrench
-        return Dynamics(read_only(cop), read_only(torques[6:]))
+        return Dynamics(frozen_copy(cop), frozen_copy(torques[6:]))
 
     def _contacts(
         self, q: Vector, cop: Vector, force: Vector, moment: Vector, on_ground: Sequence[Side]

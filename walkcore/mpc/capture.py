@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from walkcore.mpc.gait import Side
-from walkcore.mpc.regions import HalfPlanes, foothold_vertices, inset_vertices, mirrored, polygon
+from walkcore.mpc.regions import HalfPlanes, foothold_vertices, inset_vertices, polygon
+from walkcore.mpc.stance import Side, mirrored
 from walkcore.values import Matrix
 
 ITERATIONS = 20  # of the fixed point; each shrinks the error by a b, about 15

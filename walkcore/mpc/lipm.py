@@ -10,12 +10,13 @@ here the first may be shorter, so that the QP can be solved again between two
 samples of the gait's grid. Notation: Herdt et al. 2010.
 """
 
+import math
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from walkcore.values import Matrix, Vector, read_only
+from walkcore.values import Matrix, Vector, freeze, frozen_copy
 
 GRAVITY = 9.81  # [m/s^2]
 
@@ -24,33 +25,40 @@ GRAVITY = 9.81  # [m/s^2]
 class CoMState:
     """Horizontal state of the centre of mass in the world frame."""
 
-    position: Vector
-    """[m], shape (2,)."""
-    velocity: Vector
-    """[m/s], shape (2,)."""
-    acceleration: Vector
-    """[m/s^2], shape (2,)."""
-    matrix: Matrix = field(init=False, repr=False)
-    """(c, dc, ddc) of both axes side by side, shape (3, 2): the x of (3) and its y."""
+    matrix: Matrix
+    """(c, dc, ddc) of both axes side by side [m], [m/s], [m/s^2], shape (3, 2): the x of (3) and its y."""
 
     def __post_init__(self) -> None:
-        matrix = read_only((self.position, self.velocity, self.acceleration), shape=(3, 2))
-        object.__setattr__(self, "matrix", matrix)
-        for name, row in zip(("position", "velocity", "acceleration"), matrix, strict=True):
-            object.__setattr__(self, name, row)
+        object.__setattr__(self, "matrix", frozen_copy(self.matrix, shape=(3, 2)))
 
-    def cop(self, height: float, gravity: float) -> Vector:
-        """Centre of pressure of the model (5)-(6) in the world frame [m], shape (2,)."""
-        return self.position - height / gravity * self.acceleration
+    @classmethod
+    def at_rest(cls, position: Vector) -> "CoMState":
+        """The CoM resting at a position [m], shape (2,)."""
+        return cls(np.array([position, np.zeros(2), np.zeros(2)]))
+
+    @property
+    def position(self) -> Vector:
+        """C [m], shape (2,)."""
+        return self.matrix[0]
+
+    @property
+    def velocity(self) -> Vector:
+        """Dc [m/s], shape (2,)."""
+        return self.matrix[1]
+
+    @property
+    def acceleration(self) -> Vector:
+        """Ddc [m/s^2], shape (2,)."""
+        return self.matrix[2]
 
     def pushed(self, velocity_change: Vector) -> "CoMState":
         """The state after an impulse: only the velocity jumps, by `velocity_change` [m/s], shape (2,)."""
-        return CoMState(self.position, self.velocity + velocity_change, self.acceleration)
+        return CoMState(np.array([self.position, self.velocity + velocity_change, self.acceleration]))
 
     def integrated(self, jerk: Vector, duration: float) -> "CoMState":
         """The state after a constant `jerk` [m/s^3], shape (2,), over `duration` [s]: (1)-(4)."""
         A, B = _transition(duration)
-        return CoMState(*(A @ self.matrix + B * jerk))
+        return CoMState(freeze(A @ self.matrix + B * jerk))
 
 
 @lru_cache(maxsize=16)  # a walk has one control period
@@ -58,7 +66,30 @@ def _transition(T: float) -> tuple[Matrix, Matrix]:
     """A and B of (4), shapes (3, 3) and (3, 1)."""
     A = np.array([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
     B = np.array([[T**3 / 6], [T**2 / 2], [T]])
-    return read_only(A), read_only(B)
+    return frozen_copy(A), frozen_copy(B)
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """Linear inverted pendulum: a point mass at a constant height above its centre of pressure."""
+
+    height: float
+    """h, of the CoM above the ground [m]."""
+    gravity: float = GRAVITY
+    """g [m/s^2]."""
+
+    @cached_property
+    def omega(self) -> float:
+        """Natural frequency sqrt(g/h) [1/s]."""
+        return math.sqrt(self.gravity / self.height)
+
+    def cop(self, com: CoMState) -> Vector:
+        """Centre of pressure c - h/g ddc, (5)-(6), in the world frame [m], shape (2,)."""
+        return com.position - self.height / self.gravity * com.acceleration
+
+    def dcm(self, com: CoMState) -> Vector:
+        """Divergent component of motion c + dc/omega in the world frame [m], shape (2,)."""
+        return com.position + com.velocity / self.omega
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,14 +110,35 @@ class PreviewMatrices:
     """State to centres of pressure, shape (N, 3)."""
     Pzu: Matrix
     """Jerks to centres of pressure, shape (N, N)."""
+    Pds: Matrix
+    """State to divergent components of motion, Pps + Pvs / omega, shape (N, 3)."""
+    Pdu: Matrix
+    """Jerks to divergent components of motion, Ppu + Pvu / omega, shape (N, N)."""
+    P: Matrix = field(init=False, repr=False)
+    """State and jerks to CoM positions, divergent components and CoPs, one below the other, shape (3 N, 3 + N)."""
+
+    def __post_init__(self) -> None:
+        P = np.block([[self.Pps, self.Ppu], [self.Pds, self.Pdu], [self.Pzs, self.Pzu]])
+        object.__setattr__(self, "P", freeze(P))
 
     @property
     def nb_samples(self) -> int:
         """N."""
         return len(self.times)
 
+    def trajectories(self, com: CoMState, jerks: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """CoM positions, divergent components and CoPs at the samples, world frame [m], shapes (N, 2).
 
-def preview_matrices(intervals: Vector, height: float, gravity: float = GRAVITY) -> PreviewMatrices:
+        Args:
+            com: at the present.
+            jerks: over each interval [m/s^3], shape (N, 2).
+        """
+        points = freeze(self.P @ np.concatenate((com.matrix, jerks)))
+        N = self.nb_samples
+        return points[:N], points[N : 2 * N], points[2 * N :]
+
+
+def preview_matrices(intervals: Vector, pendulum: Pendulum) -> PreviewMatrices:
     """Preview over intervals of constant jerk.
 
     A jerk that acts from s to e is felt at a later time t as ((t-s)^3 - (t-e)^3)/6 in
@@ -95,8 +147,7 @@ def preview_matrices(intervals: Vector, height: float, gravity: float = GRAVITY)
 
     Args:
         intervals: durations between samples [s], shape (N,), positive.
-        height: of the CoM above the ground [m].
-        gravity: [m/s^2].
+        pendulum: whose CoM moves.
     """
     t = np.cumsum(intervals)
     one, zero = np.ones_like(t), np.zeros_like(t)
@@ -107,5 +158,7 @@ def preview_matrices(intervals: Vector, height: float, gravity: float = GRAVITY)
     Pvs, Pvu = np.column_stack([zero, one, t]), (since_start**2 - since_end**2) / 2
     Pas, Pau = np.column_stack([zero, zero, one]), since_start - since_end
 
-    Pzs, Pzu = Pps - height / gravity * Pas, Ppu - height / gravity * Pau
-    return PreviewMatrices(*(read_only(matrix) for matrix in (t, Pps, Ppu, Pvs, Pvu, Pzs, Pzu)))
+    h, g, omega = pendulum.height, pendulum.gravity, pendulum.omega
+    Pzs, Pzu = Pps - h / g * Pas, Ppu - h / g * Pau
+    Pds, Pdu = Pps + Pvs / omega, Ppu + Pvu / omega
+    return PreviewMatrices(*(frozen_copy(matrix) for matrix in (t, Pps, Ppu, Pvs, Pvu, Pzs, Pzu, Pds, Pdu)))

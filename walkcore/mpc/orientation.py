@@ -8,7 +8,7 @@ may, and the outer foot, which can toe out, makes up for it.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from walkcore.mpc.gait import Footstep, Side
+from walkcore.mpc.stance import Footstep, Side
 
 MAX_TOE_IN, MAX_TOE_OUT = 0.09, 0.45  # [rad], of a foothold against the one before it
 

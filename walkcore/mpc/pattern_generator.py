@@ -1,79 +1,29 @@
 """From the state of the CoM to the motion of the coming two steps: describe, build, solve, read."""
 
-import math
-from contextlib import suppress
-from dataclasses import dataclass
-from enum import IntEnum
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from walkcore.cache import kept
+from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
-from walkcore.mpc.gait import Footstep, Horizon
-from walkcore.mpc.lipm import CoMState, PreviewMatrices, preview_matrices
-from walkcore.mpc.preview import Known, LinearPoints, Preview
-from walkcore.mpc.qp import QP, solve_qp
+from walkcore.mpc.gait import SampleStance, StanceSequence
+from walkcore.mpc.lipm import Pendulum, PreviewMatrices, preview_matrices
+from walkcore.mpc.plan import Bounds, Plan, Status
+from walkcore.mpc.preview import PLANNED, Preview, QPInputs
+from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
-from walkcore.mpc.supports import SupportGeometry, Supports
-from walkcore.mpc.walking_qp import WalkingQP
+from walkcore.mpc.stance import Footstep, Stance
+from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
+from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import UNTIMED, Stages
-from walkcore.values import Matrix, Vector, frozen, read_only
+from walkcore.values import Matrix, Vector, freeze
 
-MAX_PHASES = 1024  # kept; a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
 CAPTURE_TOLERANCE = 1e-6  # [m]
-
-
-class Status(IntEnum):
-    """What became of a tick; numbered as in a recording."""
-
-    SOLVED = 0
-    RELAXED = 1
-    FALLEN = 2
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """What the QP decided at one tick, in the world frame."""
-
-    times: Vector
-    """From the present to each sample [s], shape (N,)."""
-    jerks: Matrix
-    """Over each interval [m/s^3], shape (N, 2)."""
-    com: Matrix
-    """CoM at each sample [m], shape (N, 2)."""
-    cop: Matrix
-    """CoP at each sample [m], shape (N, 2)."""
-    footholds: tuple[Footstep, ...]
-    """Those on which some sample stands, in the order of their touchdowns."""
-    status: Status
-    is_capturable: bool
-    """Whether further steps can catch the robot where the plan ends."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Phase:
-    """What all ticks at one phase of the gait share."""
-
-    preview: Preview
-    qp: WalkingQP
-    first_dcm: LinearPoints
-    """Divergent component of motion at the first sample."""
-    last_dcm: LinearPoints
-    """At the last one."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """What one tick has to solve."""
-
-    phase: _Phase
-    supports: Supports
-    known: Matrix
-    """k of `preview.py`, shape (6 + m + N, 2)."""
+MAX_PHASES = 1024  # a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
 
 
 class PatternGenerator:
@@ -86,115 +36,143 @@ class PatternGenerator:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
         p = self._parameters = parameters
-        self._stages = stages
-        self.com_height = robot.com_height if p.com_height is None else p.com_height
-        self.omega = math.sqrt(p.gravity / self.com_height)
-        self._geometry = SupportGeometry(robot, p, self.com_height)
-        self._phase = kept(self._compute_phase, MAX_PHASES)
-        self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.ticks_per_sample + 1)}
+        self._robot, self._stages = robot, stages
+        self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
+        self._geometry = SupportGeometry(robot, p, self.pendulum)
+        self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.timing.ticks_per_sample + 1)}
+
+        self._phase = instance_cache(self._compute_phase, MAX_PHASES)
+        self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
+        self._are_footholds_free = p.formulation.footholds is Footholds.FREE
+
+    def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:
+        p = self._parameters
+        are_free = p.formulation.footholds is not Footholds.PLANNED
+        preview = Preview(stances, self._lipm[ticks_to_sample], p.timing.samples_per_step, are_free)
+        return phase_matrices(preview, p, nb_edges)
 
     def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
         p = self._parameters
         intervals = np.full(p.horizon_samples, p.sampling_period)
         intervals[0] = ticks_to_sample * p.control_period
-        return preview_matrices(intervals, self.com_height, p.gravity)
+        return preview_matrices(intervals, self.pendulum)
 
-    def _compute_phase(self, horizon: Horizon) -> _Phase:
-        p = self._parameters
-        are_footholds_free = p.terms.footholds is not Footholds.PLANNED
-        preview = Preview(horizon, self._lipm[horizon.ticks_to_sample], are_footholds_free)
-        return _Phase(preview, WalkingQP(preview, p), preview.dcm(0, self.omega), preview.dcm(-1, self.omega))
-
-    def plan(
-        self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
-    ) -> Plan:
+    def plan(self, problem: WalkingProblem) -> Plan:
         """The plan from a CoM state, be it a model's or a measured one.
-
-        Args:
-            com: at this tick, after any push.
-            support: foot that the QP holds fixed.
-            swing: the other foot, where it is now.
-            horizon: supports of the samples to come.
-            reference: velocity asked, in the heading frame.
-            heading: of the robot in the world [rad].
 
         Raises:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
         """
-        task = self._describe(com, support, swing, horizon, reference, heading)
-        u, status, is_capturable = self._solve(task)
+        walking = self._build(problem)
+        try:
+            solution = self._solver.solve(walking.qp, self._stages)
+        except NoSolutionFoundError:
+            return self._plan_relaxed(walking, problem)
+        plan = self._read(walking, problem, solution.u, solution.multipliers, Status.SOLVED)
+        if self._are_footholds_free and not _is_viable(plan, walking.supports, problem.horizon.stances):
+            return self._plan_relaxed(walking, problem)
         self._stages.lap("check")
+        return plan
 
-        lipm, layout, supports = task.phase.preview.lipm, task.phase.preview.layout, task.supports
-        jerks = np.ascontiguousarray(layout.jerks(u))
-        decided = frozen(layout.footholds(u)) if layout.nb_footholds else supports.planned_footholds
-        if supports.stopping_offset is not None:
-            last = np.vstack([support.position, decided])[-1]
-            decided = np.vstack([decided, last + supports.stopping_offset])
-        return Plan(
-            times=lipm.times,
-            jerks=frozen(jerks),
-            com=frozen(lipm.Pps @ com.matrix + lipm.Ppu @ jerks),
-            cop=frozen(lipm.Pzs @ com.matrix + lipm.Pzu @ jerks),
-            footholds=tuple(map(Footstep, supports.sides, decided, supports.yaws)),
-            status=status,
-            is_capturable=is_capturable,
-        )
-
-    def qp(
-        self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
-    ) -> QP:
-        """The paper's QP that `plan` solves first."""
-        task = self._describe(com, support, swing, horizon, reference, heading)
-        return task.phase.qp.at(task.known, task.supports)
-
-    def _describe(
-        self, com: CoMState, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference, heading: float
-    ) -> _Task:
-        phase = self._phase(horizon)
-        supports = self._geometry.supports(support, swing, horizon, reference)
-        velocities = _velocities(reference, heading, phase.preview.lipm)
-        to_middle, planned = supports.to_middle, supports.planned_footholds
-        known = Known(com, support.position, swing.position, to_middle, planned, velocities)
-        return _Task(phase, supports, known.matrix)
-
-    def _solve(self, task: _Task) -> tuple[Vector, Status, bool]:
-        """The paper's QP; where it has no solution or leads to a fall, one that gives up the margin to stay up.
-
-        A scheme whose footholds the QP may not choose is left to fail as the paper says it does.
+    def _plan_relaxed(self, walking: WalkingQP, problem: WalkingProblem) -> Plan:
+        """The plan of the relaxed QP.
 
         Raises:
-            NoSolutionFoundError: if nothing is feasible.
+            NoSolutionFoundError: if that is not feasible either.
         """
-        phase, supports, known, axes = task.phase, task.supports, task.known, task.phase.preview.layout.axes
-        with suppress(NoSolutionFoundError):
-            u = solve_qp(phase.qp.at(known, supports), self._parameters.solver, self._stages).u
-            if self._parameters.terms.footholds is not Footholds.FREE or _leads_on(task, axes(u)):
-                return u, Status.SOLVED, True
-        rescue = phase.qp.rescue_at(known, supports, self._parameters.cop_margin, phase.last_dcm)
-        u = solve_qp(rescue, stages=self._stages).u
-        end = phase.last_dcm.at(axes(u), known)[0]
-        return u, Status.RELAXED, supports.capturable_at_end.excess(end) < CAPTURE_TOLERANCE
+        relaxed = relaxed_qp(walking, self._parameters.cop_margin)
+        solution = self._relaxed_solver.solve(relaxed.qp, self._stages)
+        multipliers = relaxed.row_multipliers(solution.multipliers)[: len(walking.point_of_row)]
+        plan = self._read(walking, problem, solution.u, multipliers, Status.RELAXED)
+        excess = walking.supports.terminal_set.excess(plan.dcm[-1] - _centre(plan, problem.horizon.stances.last))
+        self._stages.lap("check")
+        return replace(plan, is_capturable=excess < CAPTURE_TOLERANCE)
+
+    def qp(self, problem: WalkingProblem) -> QP:
+        """The paper's QP that `plan` solves first."""
+        return self._build(problem).qp
+
+    def _build(self, problem: WalkingProblem) -> WalkingQP:
+        supports, horizon = self._geometry.supports(problem), problem.horizon
+        phase = self._phase(horizon.ticks_to_sample, horizon.stances, supports.nb_edges)
+        if self._are_footholds_free:
+            planned = np.zeros((horizon.stances.nb_footholds, 2))
+        else:
+            planned = self._geometry.planned_footholds(problem, supports)
+        inputs = QPInputs(
+            problem.com,
+            problem.support.position,
+            problem.swing.position,
+            supports.to_middle,
+            planned,
+            _velocities(problem.reference, problem.heading, phase.preview.lipm),
+        )
+        return walking_qp(phase, supports, self._geometry.reach(horizon.time_to_touchdown), inputs)
+
+    def _read(
+        self, walking: WalkingQP, problem: WalkingProblem, u: Vector, multipliers: Vector, status: Status
+    ) -> Plan:
+        """The plan that a decision stands for; whether it is capturable is not known yet."""
+        supports, layout, stances = walking.supports, walking.preview.layout, problem.horizon.stances
+        jerks, positions = layout.split(u)
+        if not layout.are_footholds_free:
+            positions = walking.inputs[PLANNED : PLANNED + layout.nb_footholds]
+        if supports.stopping_offset is not None:
+            last = positions[-1] if len(positions) else problem.support.position
+            positions = np.vstack([positions, last + supports.stopping_offset])
+        footholds = tuple(map(Footstep, supports.sides, freeze(positions), supports.yaws))
+        com, dcm, cop = walking.preview.lipm.trajectories(problem.com, jerks)
+        return Plan(
+            times=walking.preview.lipm.times,
+            jerks=freeze(jerks),
+            com=com,
+            dcm=dcm,
+            cop=cop,
+            footholds=footholds,
+            stances=self._stances(problem, footholds),
+            stance_of_sample=stances.stance_of_sample,
+            samples_on_support=stances.samples_on_support,
+            regions=supports.region_vertices,
+            bounds=Bounds(walking.point_of_row, walking.normal_of_row, multipliers),
+            status=status,
+            is_capturable=True,
+        )
+
+    def _stances(self, problem: WalkingProblem, footholds: tuple[Footstep, ...]) -> tuple[Stance, ...]:
+        """The stances of the horizon, by the numbers of `stance_of_sample`."""
+        sole, stances = self._robot.sole, problem.horizon.stances
+        feet = (problem.support, *footholds)
+        single = [Stance((foot,), sole) for foot in feet[: 1 + stances.nb_footholds]]
+        if not stances.has_double_support:
+            return tuple(single)
+        both = (feet[-1], feet[-2]) if stances.is_stopping else (problem.support, problem.swing)
+        return (*single, Stance(both, sole))
 
 
-def _leads_on(task: _Task, axes: Matrix) -> bool:
+def _is_viable(plan: Plan, supports: Supports, stances: StanceSequence) -> bool:
     """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
 
     Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
     """
-    phase, supports, known = task.phase, task.supports, task.known
-    if supports.capturable_soon is not None:
-        soon = phase.first_dcm.at(axes, known)[0]
-        if supports.capturable_soon.excess(soon) >= CAPTURE_TOLERANCE:
-            return False
+    viable = supports.viable_at_next_sample
+    if viable is not None and viable.excess(plan.dcm[0] - _centre(plan, stances.first)) >= CAPTURE_TOLERANCE:
+        return False
     if supports.stopping_offset is None:
         return True
-    return supports.spare_at_end.excess(phase.last_dcm.at(axes, known)[0]) < CAPTURE_TOLERANCE
+    return supports.terminal_set_tight.excess(plan.dcm[-1] - _centre(plan, stances.last)) < CAPTURE_TOLERANCE
 
 
-@lru_cache(maxsize=256)
+def _centre(plan: Plan, sample: SampleStance) -> Vector:
+    """Centre of the stance of a sample, world frame [m], shape (2,)."""
+    return plan.stances[-1].centre if sample.is_double_support else plan.stances[sample.foot].feet[0].position
+
+
+@lru_cache(maxsize=256)  # straight ahead, the ticks of a step pass the same headings and times
 def _velocities(reference: Reference, heading: float, lipm: PreviewMatrices) -> Matrix:
     """The velocity to track at each sample: it turns with the heading [m/s], world frame, shape (N, 2)."""
     yaw = heading + reference.yaw_rate * lipm.times
     c, s = np.cos(yaw), np.sin(yaw)
-    return read_only(np.column_stack([c * reference.vx - s * reference.vy, s * reference.vx + c * reference.vy]))
+    velocities = np.empty((lipm.nb_samples, 2))
+    velocities[:, 0] = c * reference.vx - s * reference.vy
+    velocities[:, 1] = s * reference.vx + c * reference.vy
+    return freeze(velocities)

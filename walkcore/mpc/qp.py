@@ -2,18 +2,22 @@
 
     minimise  1/2 u^T P u + q^T u    subject to    lower <= G u <= upper
 
-The cost of the walking QP is almost flat along the foot positions: with metres as
-their unit a solver stops centimetres away while its residuals look fine. So they come
-in units of 10 km (`preview.py`); with these tolerances the footholds are within 0.2 mm of
-an exact solver's on the recorded walks (tests/test_recorded_walks.py). DAQP, an active-set
-method, is exact and more than twice as fast, but at a loss where the cost has flat directions
-at all, as in the rescue QP.
+The cost of the walking QP is almost flat along the foot positions: with metres as their
+unit a solver stops centimetres away while its residuals look fine. So u holds them divided
+by `FOOTHOLD_SCALE` (`preview.py`); with these tolerances the footholds are within 0.2 mm of an
+exact solver's on the recorded walks (tests/test_recorded_walks.py).
+
+PIQP, an interior-point method, is the default: it takes the same time for every QP, be it of a
+walk or of a push, and solves the relaxed QP, whose cost has flat directions. DAQP, an active-set
+method, is exact and takes less than half as long on the walking QP, for whom many walks matter
+more than a steady tick; where it finds no solution, PIQP has the last word.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from types import MappingProxyType
+from typing import Any, Protocol, cast
 
 import daqp
 import numpy as np
@@ -59,61 +63,92 @@ class Solution:
     """Positive where the upper bound of a row is active, negative where the lower one is, shape (r,)."""
 
 
-def solve_qp(problem: QP, solver: str = "piqp", stages: Stages = UNTIMED) -> Solution:
-    """The minimiser of a QP.
+class Solver(Protocol):
+    """A solver with its workspace, for one QP after the other."""
+
+    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+        """The minimiser of a QP, which depends on that QP alone.
+
+        Args:
+            problem: of any size.
+            stages: is told when all is ready for the solver ("assemble") and when the solver is done ("solve").
+
+        Raises:
+            NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
+        """
+        ...
+
+
+class InteriorPointSolver:
+    """PIQP."""
+
+    def __init__(self) -> None:
+        """Choose the tolerances."""
+        self._solver = piqp.DenseSolver()
+        settings = self._solver.settings
+        settings.eps_abs = settings.eps_rel = TOLERANCE
+        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = GAP_TOLERANCE
+        settings.max_iter = MAX_ITERATIONS
+        settings.preconditioner_iter = 0  # the units are ours; PIQP's scaling makes the footholds 1 cm worse
+
+    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+        """See `Solver`."""
+        if not len(problem.lower):
+            return _without_bounds(problem, stages)
+        solver, P, G = self._solver, np.asfortranarray(problem.P), np.asfortranarray(problem.G)
+        stages.lap("assemble")
+        solver.setup(P=P, c=problem.q, G=G, h_l=problem.lower, h_u=problem.upper)
+        status = solver.solve()
+        stages.lap("solve")
+        if status != piqp.PIQP_SOLVED:
+            raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
+        result = solver.result
+        return _finite(Solution(result.x, result.z_u - result.z_l), problem)
+
+
+class ActiveSetSolver:
+    """DAQP, and PIQP where it finds no solution."""
+
+    def __init__(self) -> None:
+        """Prepare the workspace of both."""
+        self._fallback = InteriorPointSolver()
+        self._solve = cast(Callable[..., Any], daqp.solve)  # pyright: ignore[reportUnknownMemberType] (has no types)
+
+    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+        """See `Solver`."""
+        if not len(problem.lower):
+            return _without_bounds(problem, stages)
+        P, G = np.ascontiguousarray(problem.P), np.ascontiguousarray(problem.G)
+        stages.lap("assemble")
+        u, _, status, information = self._solve(P, problem.q, G, problem.upper, problem.lower, primal_tol=TOLERANCE)
+        stages.lap("solve")
+        if status != 1:  # no solution, or flat directions in which it got lost
+            return self._fallback.solve(problem, stages)
+        return _finite(Solution(np.asarray(u), np.asarray(information["lam"])), problem)
+
+
+SOLVERS: Mapping[str, type[Solver]] = MappingProxyType({"piqp": InteriorPointSolver, "daqp": ActiveSetSolver})
+"""Solvers by the names that `Parameters.solver` may have."""
+
+
+def solve_qp(problem: QP, solver: str = "piqp") -> Solution:
+    """The minimiser of a single QP by a solver of its own; raises as `Solver.solve` does.
 
     Args:
-        problem: any.
+        problem: of any size.
         solver: one of `SOLVERS`.
-        stages: is told when all is ready for the solver ("assemble") and when the solver is done ("solve").
-
-    Raises:
-        NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
     """
-    solution = SOLVERS[solver](problem, stages) if len(problem.lower) else _without_bounds(problem, stages)
-    if not math.isfinite(solution.u.sum()):  # as no sum is with a term that is not
-        raise NoSolutionFoundError(f"{solver} gave a solution that is not finite for {problem.summary}")
-    return solution
+    return SOLVERS[solver]().solve(problem)
 
 
 def _without_bounds(problem: QP, stages: Stages) -> Solution:
     stages.lap("assemble")
     u = np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64)
     stages.lap("solve")
-    return Solution(u, np.zeros(0))
+    return _finite(Solution(u, np.zeros(0)), problem)
 
 
-def _by_interior_points(problem: QP, stages: Stages) -> Solution:
-    solver = _interior_point_solver()
-    P, G = np.asfortranarray(problem.P), np.asfortranarray(problem.G)
-    stages.lap("assemble")
-    solver.setup(P=P, c=problem.q, G=G, h_l=problem.lower, h_u=problem.upper)
-    status = solver.solve()
-    stages.lap("solve")
-    if status != piqp.PIQP_SOLVED:
-        raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
-    return Solution(solver.result.x, solver.result.z_u - solver.result.z_l)
-
-
-def _interior_point_solver() -> piqp.DenseSolver:
-    solver = piqp.DenseSolver()
-    settings = solver.settings
-    settings.eps_abs = settings.eps_rel = TOLERANCE
-    settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = GAP_TOLERANCE
-    settings.max_iter = MAX_ITERATIONS
-    settings.preconditioner_iter = 0  # the units are ours; PIQP's scaling makes the footholds 1 cm worse
-    return solver
-
-
-def _by_active_sets(problem: QP, stages: Stages) -> Solution:
-    P, G = np.ascontiguousarray(problem.P), np.ascontiguousarray(problem.G)
-    solve = cast(Callable[..., Any], daqp.solve)  # pyright: ignore[reportUnknownMemberType] (has no types)
-    stages.lap("assemble")
-    u, _, status, information = solve(P, problem.q, G, problem.upper, problem.lower, primal_tol=TOLERANCE)
-    stages.lap("solve")
-    if status != 1:  # no solution, or flat directions in which it got lost
-        return _by_interior_points(problem, stages)
-    return Solution(np.asarray(u), np.asarray(information["lam"]))
-
-
-SOLVERS = {"piqp": _by_interior_points, "daqp": _by_active_sets}
+def _finite(solution: Solution, problem: QP) -> Solution:
+    if not math.isfinite(solution.u.sum()):  # as no sum is with a term that is not
+        raise NoSolutionFoundError(f"the solution is not finite for {problem.summary}")
+    return solution

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from walkcore.errors import EmptyRegionError
-from walkcore.mpc.gait import Footstep, Side
-from walkcore.values import Matrix, Vector, read_only, rotation
+from walkcore.mpc.stance import Side, mirrored
+from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,15 +56,15 @@ class HalfPlanes:
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(np.clip(np.min(np.where(np.abs(along) > 1e-12, room / along, np.inf)), 0.0, 1.0))
 
-    def excess(self, point: ArrayLike) -> float:
-        """How far a point lies outside [m]; negative inside, where it is the distance to the nearest edge."""
-        along = self.normals @ np.asarray(point)
+    def excess(self, point: Vector) -> float:
+        """Distance of a point from the polygon [m]; negative inside, then that to the nearest edge."""
+        along = self.normals @ point
         return float(np.maximum(self.lower - along, along - self.upper).max())
 
 
-@lru_cache(maxsize=1024)  # a foot keeps its yaw for many ticks
+@lru_cache(maxsize=256)  # a foot keeps its yaw for a step
 def _rotated(planes: HalfPlanes, yaw: float) -> HalfPlanes:
-    return HalfPlanes(read_only(planes.normals @ rotation(yaw).T), planes.lower, planes.upper)
+    return HalfPlanes(frozen_copy(planes.normals @ rotation(yaw).T), planes.lower, planes.upper)
 
 
 def polygon(vertices: ArrayLike) -> HalfPlanes:
@@ -88,12 +88,12 @@ def polygon(vertices: ArrayLike) -> HalfPlanes:
             upper.append(bound)
         else:
             lower[opposite] = -bound
-    return HalfPlanes(read_only(normals), read_only(lower), read_only(upper))
+    return HalfPlanes(frozen_copy(normals), frozen_copy(lower), frozen_copy(upper))
 
 
 def box(half_widths: ArrayLike) -> HalfPlanes:
     """The rectangle |x| <= half_widths[0], |y| <= half_widths[1] [m]."""
-    bounds = read_only(half_widths, shape=(2,))
+    bounds = frozen_copy(half_widths, shape=(2,))
     return HalfPlanes(np.eye(2), -bounds, bounds)
 
 
@@ -112,14 +112,12 @@ def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
         raise EmptyRegionError(f"a margin of {margin} m leaves nothing of the polygon") from error
 
 
-def mirrored(vertices: Matrix) -> Matrix:
-    """Vertices, shape (V, 2), reflected from the left of the robot to its right."""
-    return vertices * [1.0, -1.0]
-
-
 def closest_band(bands: Sequence[tuple[float, float]], yaw: float) -> int:
-    """Index of the band of yaws that holds `yaw` [rad], or of the nearest one."""
-    return min(range(len(bands)), key=lambda i: max(bands[i][0] - yaw, yaw - bands[i][1], 0.0))
+    """Index of the first band of yaws that holds `yaw` [rad], or of the nearest one."""
+    for i, (low, high) in enumerate(bands):
+        if low <= yaw <= high:
+            return i
+    return min(range(len(bands)), key=lambda i: max(bands[i][0] - yaw, yaw - bands[i][1]))
 
 
 def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
@@ -130,14 +128,3 @@ def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
         landing: side of the landing foot, not of the support.
     """
     return region if landing is Side.LEFT else mirrored(region)
-
-
-def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
-    """Outline of a sole on the ground in the world frame, shape (V, 2) [m].
-
-    Args:
-        sole: outline of the left sole in its own frame; the right one is its mirror image.
-        foot: where it stands.
-    """
-    outline = sole if foot.side is Side.LEFT else mirrored(sole)
-    return foot.position + outline @ rotation(foot.yaw).T

@@ -1,16 +1,14 @@
-"""The schemes that the paper compares: which terms the one objective has, and who decides the footholds.
+"""The schemes that the paper compares: the terms of their objectives, and who decides the footholds.
 
-1/2 sum of weight * || term ||^2
-
-jerk            || jerks ||                                     alpha
-velocity        || dC - reference ||                            beta
-cop             || Z - centre of the support ||                 gamma, in (11) cop_tracking
-mean_velocity   || E C / (2 T_step) - reference ||  (31)        delta
-foothold        || footholds - planned ones ||                  foothold_weight
+A new scheme is an entry here: the command line, the panel and the schema of scenarios read this table.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from types import MappingProxyType
+
+from walkcore.mpc.objective import Term, Weights, cop, foothold, jerk, mean_velocity, velocity
 
 
 class Footholds(Enum):
@@ -23,22 +21,49 @@ class Footholds(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A choice from the objective; `weights` names the parameter that weighs each of its terms."""
+    """A choice of terms, constraints and footholds."""
 
-    weights: dict[str, str]
+    label: str
+    """Equation or source, for menus."""
+    terms: Callable[[Weights], tuple[Term, ...]]
     footholds: Footholds = Footholds.FREE
     is_constrained: bool = True
     """Whether the CoP is kept inside its polygons."""
+    nb_steps_ahead: int = 1
+    """Whole steps that the horizon has to hold."""
+
+    def least_horizon(self, samples_per_step: int) -> int:
+        """Samples that the horizon needs: to hold the next foothold, and all steps that the scheme looks at."""
+        return max(samples_per_step + 1, self.nb_steps_ahead * samples_per_step)
 
 
-_TRACKING = {"jerk": "alpha", "cop": "cop_tracking"}  # (11)
+def _cop_tracking(w: Weights) -> tuple[Term, ...]:
+    """The terms of (11)."""
+    return Term(w.alpha, jerk), Term(w.cop_tracking, cop)
 
-SCHEMES = {
-    "preview_control": Scheme(_TRACKING, Footholds.PLANNED, is_constrained=False),  # [7]
-    "fixed_steps": Scheme(_TRACKING, Footholds.PLANNED),  # (11) with the constraints of [20]
-    "adapted_steps": Scheme(_TRACKING | {"foothold": "foothold_weight"}, Footholds.ADAPTED),  # [1]
-    "speed_only": Scheme({"velocity": "beta"}),  # (17)
-    "speed_and_jerk": Scheme({"jerk": "alpha", "velocity": "beta"}),  # (19) with gamma = 0
-    "full": Scheme({"jerk": "alpha", "velocity": "beta", "cop": "gamma"}),  # (19)
-    "mean_speed": Scheme({"jerk": "alpha", "mean_velocity": "delta", "cop": "gamma"}),  # (31)
-}
+
+SCHEMES: Mapping[str, Scheme] = MappingProxyType(
+    {
+        "full": Scheme(
+            "(19), the paper's", lambda w: (Term(w.alpha, jerk), Term(w.beta, velocity), Term(w.gamma, cop))
+        ),
+        "speed_and_jerk": Scheme("(19) without γ", lambda w: (Term(w.alpha, jerk), Term(w.beta, velocity))),
+        "speed_only": Scheme("(17)", lambda w: (Term(w.beta, velocity),)),
+        "mean_velocity": Scheme(
+            "(31), mean velocity",
+            lambda w: (Term(w.alpha, jerk), Term(w.delta, mean_velocity), Term(w.gamma, cop)),
+            nb_steps_ahead=4,
+        ),
+        "adapted_steps": Scheme(
+            "planned steps, moved at a cost [1]",
+            lambda w: (*_cop_tracking(w), Term(w.foothold_weight, foothold)),
+            Footholds.ADAPTED,
+        ),
+        "fixed_steps": Scheme("(11), planned steps, constrained [20]", _cop_tracking, Footholds.PLANNED),
+        "preview_control": Scheme(
+            "(11), planned steps, no constraints [7]", _cop_tracking, Footholds.PLANNED, is_constrained=False
+        ),
+    }
+)
+DEPRECATED: Mapping[str, str] = MappingProxyType({"mean_speed": "mean_velocity"})
+"""Older names that are still accepted."""

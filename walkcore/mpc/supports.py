@@ -1,73 +1,100 @@
-"""What carries each sample of the horizon, and where the feet may go: the geometry of the walking QP."""
+"""Polygons of one tick, put where the feet are: soles, foothold regions, reach, and sets for the DCM."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cached_property
+from itertools import cycle
 
 import numpy as np
 
-from walkcore.cache import kept
+from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.mpc.capture import StepTiming, capture_polygons
-from walkcore.mpc.gait import Footstep, Horizon, Side
+from walkcore.mpc.gait import Horizon, SampleStance, StanceSequence
+from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.orientation import Turn, foothold_yaws
-from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon, sole_vertices
+from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon
 from walkcore.mpc.schemes import Footholds
+from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
-from walkcore.values import Matrix, Vector, read_only, rotation
+from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
 Feet = tuple[tuple[Side, float], ...]
 """Side and yaw [rad] of the support foot and of each foothold."""
-MAX_KEPT = 1024  # while the yaws stay, each phase of the gait comes back with every second step
-UNIT_BOX = box([1.0, 1.0])
-NOWHERE = read_only(np.zeros(2))
-SPARE = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
+OtherFoot = tuple[float, float, float]
+"""The other foot of a double support: from the one to it [m], and its yaw [rad]."""
+POINT = box([0.0, 0.0])
+NOWHERE = frozen_copy(np.zeros(2))
+MAX_SUPPORTS = 16  # they change with each sample, or when a foot or its yaw moves
+TIGHTENING = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Supports:
-    """Centres and polygons, with the orientation of the world.
+class WalkingProblem:
+    """The state of the robot at one tick, and the velocity that is asked of it."""
 
-    The support of a sample is a foot, or the feet side by side; its centre is the origin
-    of the foot, or the middle between the two.
+    com: CoMState
+    """After any push."""
+    support: Footstep
+    """The foot that the QP holds fixed."""
+    swing: Footstep
+    """The other foot, where it is now."""
+    horizon: Horizon
+    reference: Reference
+    """In the heading frame."""
+    heading: float
+    """Of the robot in the world [rad]."""
+
+
+@dataclass(frozen=True, eq=False)  # no slots: the edges are laid side by side once
+class Supports:
+    """Polygons of a horizon, with the orientation of the world, each around a centre.
+
+    The centre of a stance is the origin of its foot, or the middle between both feet.
     """
 
     cop_polygons: tuple[HalfPlanes, ...]
-    """Where the CoP may be relative to the centre of what carries it, by the numbers of `Horizon.carrier`."""
-    to_middle: Vector
-    """From the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
-    planned_footholds: Matrix
-    """Where a planner puts the footholds that carry samples [m], shape (m, 2); zero where the QP is free."""
+    """Where the CoP may be relative to the centre of each stance, by the numbers of `stance_of_sample`."""
     foothold_regions: tuple[HalfPlanes, ...]
     """Where each foothold that the QP chooses may be relative to its predecessor."""
-    swing_reach: HalfPlanes
-    """How far the foot in the air can still move: right-hand side of (30)."""
-    capturable_soon: HalfPlanes | None
-    """Where the divergent component of motion may be at the first sample relative to its centre, if steps that keep
-    all margins are to catch the robot; None where a stand turns into a walk or a walk into a stand."""
-    spare_at_end: HalfPlanes
-    """Where it should be at the last sample, for steps that keep all margins and have room to spare."""
-    capturable_at_end: HalfPlanes
-    """Where it must be at the last sample, for steps that use the whole soles."""
+    flight: HalfPlanes
+    """The foothold of the foot in the air relative to that foot if no time is left: a point, see `reach`."""
+    region_vertices: tuple[Matrix, ...]
+    """Region of each foothold in the frame of its predecessor [m], shapes (V, 2)."""
+    to_middle: Vector
+    """From the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
+    viable_at_next_sample: HalfPlanes | None
+    """Where the DCM may be at the first sample relative to the centre of its stance, if steps that keep all margins
+    are to catch the robot; None where a stand turns into a walk or a walk into a stand."""
+    terminal_set_tight: HalfPlanes
+    """Where the DCM should be at the last sample, for steps that keep all margins and part of their regions."""
+    terminal_set: HalfPlanes
+    """Where the DCM must be at the last sample, for steps that use the whole soles."""
     sides: tuple[Side, ...]
-    """Of the m footholds, and of the one that ends a stop."""
+    """Sides of the m footholds, and of the one that ends a stop."""
     yaws: tuple[float, ...]
-    """Of the same [rad]."""
+    """Yaws of the same [rad]."""
     stopping_offset: Vector | None
     """From the last of the m footholds, or the support foot if m = 0, to the one that ends a stop [m], shape (2,)."""
 
-    @property
-    def polygons(self) -> tuple[HalfPlanes, ...]:
-        """Of all constraints: of the CoPs, the strides and the flight."""
-        return (*self.cop_polygons, *self.foothold_regions, self.swing_reach)
+    @cached_property
+    def edges(self) -> HalfPlanes:
+        """The rows of all constraining polygons, one below the other: of the CoPs, the strides and the flight."""
+        polygons = (*self.cop_polygons, *self.foothold_regions, self.flight)
+        normals, lower, upper = zip(*((p.normals, p.lower, p.upper) for p in polygons), strict=True)
+        return HalfPlanes(np.concatenate(normals), np.concatenate(lower), np.concatenate(upper))
+
+    @cached_property
+    def nb_edges(self) -> tuple[int, ...]:
+        """Rows of each of these polygons."""
+        return tuple(len(p.lower) for p in (*self.cop_polygons, *self.foothold_regions, self.flight))
 
 
 class SupportGeometry:
-    """Polygons of one robot, computed once, and put where the feet are at each tick."""
+    """Polygons of one robot, computed once, and put where the feet are."""
 
-    def __init__(self, robot: Robot, parameters: Parameters, com_height: float) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, pendulum: Pendulum) -> None:
         """Compute the polygons.
 
         Raises:
@@ -75,127 +102,117 @@ class SupportGeometry:
         """
         p = parameters
         self._robot, self._parameters = robot, p
-        self._on_feet = kept(self._compute_on_feet, MAX_KEPT)
         at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
         self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
-        self._regions = {
-            side: [polygon(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
-            for side in Side
+        self._region_vertices = {
+            side: [foothold_vertices(region.vertices, side) for region in robot.foothold_regions] for side in Side
         }
-        timing = StepTiming(
-            p.double_support_duration,
-            p.step_duration - p.double_support_duration,
-            math.sqrt(p.gravity / com_height),
+        self._regions = {side: [polygon(vertices) for vertices in self._region_vertices[side]] for side in Side}
+        timing = StepTiming(p.double_support_duration, p.step_duration - p.double_support_duration, pendulum.omega)
+        region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
+        part_of_region = middle + TIGHTENING * (region - middle)
+        self._viable, self._viable_tight, self._viable_on_whole_soles = (
+            capture_polygons(robot.sole, margin, vertices, timing, p.sampling_period)
+            for margin, vertices in ((p.cop_margin, region), (p.cop_margin, part_of_region), (0.0, region))
         )
-        middle = np.mean(robot.foothold_region, axis=0)
-        spare = middle + SPARE * (robot.foothold_region - middle)
-        self._captures = [
-            capture_polygons(robot.sole, margin, region, timing, p.sampling_period)
-            for margin, region in (
-                (p.cop_margin, spare),
-                (p.cop_margin, robot.foothold_region),
-                (0.0, robot.foothold_region),
-            )
-        ]
+        self._supports = instance_cache(self._compute_supports, MAX_SUPPORTS)
 
-    def supports(self, support: Footstep, swing: Footstep, horizon: Horizon, reference: Reference) -> Supports:
-        """The supports of one tick.
+    def supports(self, problem: WalkingProblem) -> Supports:
+        """The polygons around the centres of one tick."""
+        support, swing, stances = problem.support, problem.swing, problem.horizon.stances
+        yaws = foothold_yaws(support, swing, self._turn(problem), stances.nb_footholds)
+        feet = ((support.side, support.yaw), *zip(cycle((swing.side, support.side)), yaws, strict=False))
+        other: OtherFoot | None = None
+        if stances.has_double_support and not stances.is_stopping:  # where the feet are now
+            (x, y), (support_x, support_y) = swing.position.tolist(), support.position.tolist()
+            other = x - support_x, y - support_y, swing.yaw
+        return self._supports(feet, stances, other)
+
+    def reach(self, time_to_touchdown: float) -> Vector:
+        """Distance that a foot can fly along the axes of the support foot in some time [s]: (30) [m], shape (2,)."""
+        return time_to_touchdown * self._robot.max_foot_speed
+
+    def planned_footholds(self, problem: WalkingProblem, supports: Supports) -> Matrix:
+        """Footholds that follow the reference velocity, as far as their regions allow [m], shape (m, 2)."""
+        reference, position = problem.reference, problem.support.position
+        drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
+        positions: list[Vector] = []
+        yaws = (problem.support.yaw, *supports.yaws)
+        for side, yaw in zip(supports.sides[: problem.horizon.stances.nb_footholds], yaws, strict=False):
+            aside = np.array([0.0, side.sign * self._robot.stance_width])
+            region = self._regions[side][closest_band(self._bands, 0.0)]
+            stride = aside + region.fraction_inside(aside, drift) * drift
+            position = position + rotation(yaw) @ stride
+            positions.append(position)
+        return np.array(positions).reshape(-1, 2)
+
+    def _turn(self, problem: WalkingProblem) -> Turn:
+        reach = problem.horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
+        return Turn(problem.reference.yaw_rate, self._parameters.step_duration, reach)
+
+    def _compute_supports(self, feet: Feet, stances: StanceSequence, other: OtherFoot | None) -> Supports:
+        """The polygons of a horizon.
 
         Args:
-            support: foot that the QP holds fixed.
-            swing: the other foot, where it is now.
-            horizon: supports of the samples to come.
-            reference: velocity asked, in the heading frame.
+            feet: support foot and footholds, by the numbers of `foot_of_sample`.
+            stances: of the samples.
+            other: where the horizon begins with a double support.
         """
-        m = horizon.nb_footholds
-        yaws = foothold_yaws(support, swing, self._turn(horizon, reference.yaw_rate), m)
-        sides = [support.side.other if k % 2 else support.side for k in range(m + 1)]
-        feet = tuple(zip(sides, (support.yaw, *yaws), strict=True))  # by the numbers of horizon.foot
-        supports = self._on_feet(feet, horizon)
-        if self._parameters.terms.footholds is not Footholds.FREE:
-            supports = replace(supports, planned_footholds=self._planned(support.position, feet, reference))
-        return self._with_stance(supports, support, swing, horizon) if horizon.is_any_on_both else supports
-
-    def _compute_on_feet(self, feet: Feet, horizon: Horizon) -> Supports:
-        """What the yaws and the horizon alone decide."""
         (_, support_yaw), (last_side, last_yaw) = feet[0], feet[-1]
-        aside = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
-        stop = ((last_side.other, last_yaw),) if horizon.is_stopping else ()
-        is_planned = self._parameters.terms.footholds is Footholds.PLANNED
-        return Supports(
+        sides, yaws = tuple(side for side, _ in feet[1:]), tuple(yaw for _, yaw in feet[1:])
+        stopping_offset = None
+        if stances.is_stopping:
+            sides, yaws = (*sides, last_side.other), (*yaws, last_yaw)
+            stopping_offset = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
+        before = (support_yaw, *yaws)
+        bands = [closest_band(self._bands, (yaws[k] - before[k]) * side.sign) for k, side in enumerate(sides)]
+        are_free = self._parameters.formulation.footholds is not Footholds.PLANNED
+        regions = [self._regions[side][bands[k]].rotated(before[k]) for k, (side, _) in enumerate(feet[1:])]
+        supports = Supports(
             cop_polygons=tuple(self._soles[side].rotated(yaw) for side, yaw in feet),
+            foothold_regions=tuple(regions) if are_free else (),
+            flight=POINT.rotated(support_yaw),
+            region_vertices=tuple(self._region_vertices[side][band] for side, band in zip(sides, bands, strict=True)),
             to_middle=NOWHERE,
-            planned_footholds=np.zeros((len(feet) - 1, 2)),
-            foothold_regions=() if is_planned else tuple(self._regions_of(feet)),
-            swing_reach=self._reach(horizon.time_to_touchdown, support_yaw),
-            capturable_soon=self._capture(self._captures[1], horizon, 0, feet),
-            spare_at_end=self._capture(self._captures[0], horizon, -1, feet),
-            capturable_at_end=self._capture(self._captures[2], horizon, -1, feet),
-            sides=tuple(side for side, _ in (*feet[1:], *stop)),
-            yaws=tuple(yaw for _, yaw in (*feet[1:], *stop)),
-            stopping_offset=aside if horizon.is_stopping else None,
+            viable_at_next_sample=_viable(self._viable, stances.first, feet),
+            terminal_set_tight=_viable(self._viable_tight, stances.last, feet),
+            terminal_set=_viable(self._viable_on_whole_soles, stances.last, feet),
+            sides=sides,
+            yaws=yaws,
+            stopping_offset=stopping_offset,
         )
+        if stopping_offset is not None:  # the stand that ends a stop hangs on the last foothold
+            x, y = stopping_offset.tolist()
+            return self._with_double_support(supports, stances, last_side, last_yaw, (x, y, last_yaw))
+        return supports if other is None else self._with_double_support(supports, stances, *feet[0], other)
 
-    def _with_stance(self, supports: Supports, support: Footstep, swing: Footstep, horizon: Horizon) -> Supports:
-        """The same where some samples are carried by both feet side by side."""
-        # The stand that ends a stop hangs on the last foothold; any other is where the feet are now.
-        if supports.stopping_offset is not None:
-            side, yaw = supports.sides[-1], supports.yaws[-1]
-            one, other = Footstep(side.other, np.zeros(2), yaw), Footstep(side, supports.stopping_offset, yaw)
-        else:
-            one = Footstep(support.side, np.zeros(2), support.yaw)
-            other = Footstep(swing.side, swing.position - support.position, swing.yaw)
-        pair = self._stance(one, other)
-        inner = pair.inset(self._parameters.cop_margin)
-        soon = supports.capturable_soon
-        if horizon.is_on_both.all():
-            soon = inner
-        elif horizon.is_on_both[0] or horizon.is_stopping:
-            soon = None
-        ends_on_both = bool(horizon.is_on_both[-1])
+    def _with_double_support(
+        self, supports: Supports, stances: StanceSequence, side: Side, yaw: float, other: OtherFoot
+    ) -> Supports:
+        """The same where some samples are carried by two feet side by side, the one with a side and a yaw [rad]."""
+        x, y, other_yaw = other
+        feet = Footstep(side, np.zeros(2), yaw), Footstep(side.other, np.array([x, y]), other_yaw)
+        to_middle = feet[1].position / 2
+        both = polygon(np.vstack([sole_vertices(self._robot.sole, foot) for foot in feet]) - to_middle)
+        inner = both.inset(self._parameters.cop_margin)
+        viable = supports.viable_at_next_sample
+        if stances.is_double_support.all():
+            viable = inner
+        elif stances.first.is_double_support or stances.is_stopping:
+            viable = None
+        ends_on_both = stances.last.is_double_support
         return replace(
             supports,
             cop_polygons=(*supports.cop_polygons, inner),
-            to_middle=other.position / 2,
-            capturable_soon=soon,
-            spare_at_end=inner if ends_on_both else supports.spare_at_end,
-            capturable_at_end=pair if ends_on_both else supports.capturable_at_end,
+            to_middle=to_middle,
+            viable_at_next_sample=viable,
+            terminal_set_tight=inner if ends_on_both else supports.terminal_set_tight,
+            terminal_set=both if ends_on_both else supports.terminal_set,
         )
 
-    def _reach(self, time: float, yaw: float) -> HalfPlanes:
-        """How far a foot flies in some time, along the axes of the support foot."""
-        reach = time * self._robot.max_foot_speed
-        return HalfPlanes(UNIT_BOX.rotated(yaw).normals, -reach, reach)
 
-    @staticmethod
-    def _capture(polygons: Mapping[Side, tuple[HalfPlanes, ...]], horizon: Horizon, n: int, feet: Feet) -> HalfPlanes:
-        """Where the divergent component may be at sample n, relative to the foot that carries it."""
-        side, yaw = feet[int(horizon.foot[n])]
-        return polygons[side][min(int(horizon.samples_left[n]), len(polygons[side]) - 1)].rotated(yaw)
-
-    def _regions_of(self, feet: Feet) -> Iterator[HalfPlanes]:
-        """Where each foothold may be relative to its predecessor, by the yaw between the two."""
-        for (_, before), (side, yaw) in pairwise(feet):
-            band = closest_band(self._bands, (yaw - before) * side.sign)
-            yield self._regions[side][band].rotated(before)
-
-    def _planned(self, start: Vector, feet: Feet, reference: Reference) -> Matrix:
-        """Footholds that follow the reference velocity step by step, as far as their regions allow, shape (m, 2)."""
-        drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
-        positions = [start]
-        for side, yaw in feet[:-1]:
-            aside = np.array([0.0, side.other.sign * self._robot.stance_width])
-            region = self._regions[side.other][closest_band(self._bands, 0.0)]
-            stride = aside + region.fraction_inside(aside, drift) * drift
-            positions.append(positions[-1] + rotation(yaw) @ stride)
-        return np.array(positions[1:]).reshape(-1, 2)
-
-    def _turn(self, horizon: Horizon, yaw_rate: float) -> Turn:
-        reach = horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
-        return Turn(yaw_rate, self._parameters.step_duration, reach)
-
-    def _stance(self, one: Footstep, other: Footstep) -> HalfPlanes:
-        """Hull of two soles, relative to the middle between them."""
-        middle = (one.position + other.position) / 2
-        return polygon(np.vstack([sole_vertices(self._robot.sole, foot) for foot in (one, other)]) - middle)
+def _viable(sets: Mapping[Side, tuple[HalfPlanes, ...]], sample: SampleStance, feet: Feet) -> HalfPlanes:
+    """Where the DCM may be at a sample, relative to the foot that carries it."""
+    side, yaw = feet[sample.foot]
+    return sets[side][min(sample.samples_to_touchdown, len(sets[side]) - 1)].rotated(yaw)

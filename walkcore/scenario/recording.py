@@ -14,7 +14,7 @@ import numpy as np
 from walkcore.analysis.columns import BodyUse
 from walkcore.analysis.metrics import metrics
 from walkcore.motion.whole_body import WholeBody
-from walkcore.mpc.gait import Footstep
+from walkcore.mpc.stance import Footstep
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.scenario.expectations import Verdict

@@ -1,18 +1,22 @@
 """Snapshots of a recording, for whoever draws it."""
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from walkcore.analysis.columns import points, push_rows
 from walkcore.command import Reference
-from walkcore.motion.swing_foot import FootState
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.pattern_generator import Plan, Status
+from walkcore.motion.swing_foot import FootState, standing
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.lipm import CoMState, Pendulum
+from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
+from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.scenario.recording import Recording
-from walkcore.snapshot import Snapshot
-from walkcore.values import Vector, read_only
+from walkcore.snapshot import GivenPush, Snapshot
+from walkcore.values import Matrix, Vector, frozen_copy
 
 
 def replayed(recording: Recording, every: int) -> Iterator[Snapshot]:
@@ -22,68 +26,103 @@ def replayed(recording: Recording, every: int) -> Iterator[Snapshot]:
     the air has no speed, and there are no torques.
     """
     joints = [i for i, name in enumerate(recording.columns) if name.startswith("q_")]
+    pushes = deque(_pushes(recording))
+    last_push: GivenPush | None = None
     for k in range(0, len(recording.rows), every):
         numbers = recording.rows[k]
+        while pushes and pushes[0].tick <= numbers[0]:
+            last_push = pushes.popleft()
         values = dict(zip(recording.columns, numbers.tolist(), strict=True))
-        yield _snapshot(values, numbers[joints] if joints else None, recording)
+        yield _snapshot(values, numbers[joints] if joints else None, last_push, recording)
 
 
-def _snapshot(values: Mapping[str, float], q: Vector | None, recording: Recording) -> Snapshot:
-    v, status = values, Status(int(values["status"]))
-    com = CoMState(_pair(v, "com"), np.array([v["com_vx"], v["com_vy"]]), np.array([v["com_ax"], v["com_ay"]]))
+def _pushes(recording: Recording) -> Iterator[GivenPush]:
+    tick, impulses = recording["tick"], points(recording, "push")
+    period = float(recording.parameters["control_period"])
+    for first, end in push_rows(recording):
+        x, y = impulses[first:end].sum(axis=0).tolist()
+        yield GivenPush(int(tick[first]), (x, y), 0.0 if end - first == 1 else (end - first) * period)
+
+
+def _snapshot(
+    values: Mapping[str, float], q: Vector | None, last_push: GivenPush | None, recording: Recording
+) -> Snapshot:
+    v, status, phase, robot = (
+        values,
+        Status(int(values["status"])),
+        Phase(int(values["phase"])),
+        recording.scenario.robot,
+    )
+    com = CoMState(np.array([[v[f"com_{d}{axis}"] for axis in "xy"] for d in ("", "v", "a")]))
+    pendulum = Pendulum(v["com_z"], float(recording.parameters["gravity"]))
     support = Footstep(Side(int(v["support_side"])), _pair(v, "support"), v["support_yaw"])
+    feet = {side: _foot(v, side) for side in Side}
+    other = Footstep(support.side.other, feet[support.side.other].position, feet[support.side.other].yaw)
+    stance = Stance((support,) if phase is Phase.SINGLE_SUPPORT else (support, other), robot.sole)
     return Snapshot(
         tick=int(v["tick"]),
         t=v["t"],
         com=com,
-        com_height=v["com_z"],
+        pendulum=pendulum,
         jerk=_pair(v, "jerk"),
         cop=_pair(v, "cop"),
         true_cop=None if math.isnan(v["true_cop_x"]) else _pair(v, "true_cop"),
         torques=None,
         reference=Reference(v["reference_vx"], v["reference_vy"], v["reference_yaw_rate"]),
         heading=(v["left_yaw"] + v["right_yaw"]) / 2,
-        phase=Phase(int(v["phase"])),
+        phase=phase,
         support=support,
+        stance=stance,
         samples_on_support=int(v["samples_on_support"]),
         time_to_touchdown=v["time_to_touchdown"],
         steps_to_stand=int(v["steps_to_stand"]),
-        left_foot=_foot(v, "left"),
-        right_foot=_foot(v, "right"),
+        left_foot=feet[Side.LEFT],
+        right_foot=feet[Side.RIGHT],
         push=_pair(v, "push"),
+        last_push=last_push,
         status=status,
         reason=recording.reason if status is Status.FALLEN else "",
-        plan=None if status is Status.FALLEN else _plan(v, com, support, recording),
+        plan=None if status is Status.FALLEN else _plan(v, com, pendulum, stance, recording),
         com_offset=_pair(v, "com_offset"),
-        q=None if q is None else read_only(q),
+        q=None if q is None else frozen_copy(q),
     )
 
 
 def _pair(values: Mapping[str, float], name: str) -> Vector:
-    return read_only([values[f"{name}_x"], values[f"{name}_y"]])
+    return frozen_copy([values[f"{name}_x"], values[f"{name}_y"]])
 
 
-def _foot(values: Mapping[str, float], name: str) -> FootState:
-    pose = np.array([values[f"{name}_x"], values[f"{name}_y"], values[f"{name}_yaw"]])
-    return FootState(pose, np.zeros(3), np.zeros(3), values[f"{name}_z"])
+def _foot(values: Mapping[str, float], side: Side) -> FootState:
+    name = side.name.lower()
+    return replace(standing(Footstep(side, _pair(values, name), values[f"{name}_yaw"])), height=values[f"{name}_z"])
 
 
-def _plan(values: Mapping[str, float], com: CoMState, support: Footstep, recording: Recording) -> Plan:
-    p, jerk = recording.parameters, _pair(values, "jerk")
-    period = float(p["control_period"])
-    soon = com.integrated(jerk, period)
+def _plan(values: Mapping[str, float], com: CoMState, pendulum: Pendulum, stance: Stance, recording: Recording) -> Plan:
+    robot, support, jerk = recording.scenario.robot, stance.feet[0], _pair(values, "jerk")
+    period = float(recording.parameters["control_period"])
+    after = com.integrated(jerk, period)
     footholds: list[Footstep] = []
-    side = support.side
+    regions: list[Matrix] = []
+    before = support
     for name in ("foothold", "foothold2"):
-        side = side.other
-        if not math.isnan(values[f"{name}_x"]):
-            footholds.append(Footstep(side, _pair(values, name), values[f"{name}_yaw"]))
+        if math.isnan(values[f"{name}_x"]):
+            break
+        foothold = Footstep(before.side.other, _pair(values, name), values[f"{name}_yaw"])
+        footholds.append(foothold)
+        regions.append(robot.foothold_region_at(foothold.yaw - before.yaw, foothold.side))
+        before = foothold
     return Plan(
-        times=read_only([period]),
-        jerks=read_only([jerk]),
-        com=read_only([soon.position]),
-        cop=read_only([soon.cop(float(p["com_height"]), float(p["gravity"]))]),
+        times=frozen_copy([period]),
+        jerks=frozen_copy([jerk]),
+        com=frozen_copy([after.position]),
+        dcm=frozen_copy([pendulum.dcm(after)]),
+        cop=frozen_copy([pendulum.cop(after)]),
         footholds=tuple(footholds),
+        stances=(Stance((support,), robot.sole), stance),
+        stance_of_sample=np.array([int(stance.is_double_support)]),
+        samples_on_support=int(values["samples_on_support"]),
+        regions=tuple(regions),
+        bounds=NO_BOUNDS,
         status=Status(int(values["status"])),
         is_capturable=True,
     )

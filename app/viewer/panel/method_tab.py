@@ -12,15 +12,6 @@ from app.live.runner import NoAnswerError, Runner
 from walkcore import Parameters, WalkError
 from walkcore.mpc.schemes import SCHEMES
 
-PAPER = {
-    "full": "(19), the paper's",
-    "speed_and_jerk": "(19) without γ",
-    "speed_only": "(17)",
-    "mean_speed": "(31), mean velocity",
-    "adapted_steps": "planned steps, moved at a cost",
-    "fixed_steps": "(11), planned steps",
-    "preview_control": "preview control, no constraints",
-}
 PATIENCE = 2.0  # [s] for the walk to answer
 
 
@@ -62,7 +53,7 @@ class MethodTab:
         self._runner = runner
         now = self._shown = self._defaults = runner.parameters
         gui = server.gui
-        labels = [_label(name) for name in sorted(SCHEMES, key=list(PAPER).index)]
+        labels = [_label(name) for name in SCHEMES]
         self._scheme = gui.add_dropdown("scheme", labels, hint="Objective, and who decides the footholds")
         with gui.add_form(None) as form:  # else every key that is typed would change the walk
             self._numbers = {
@@ -101,12 +92,12 @@ class MethodTab:
     def _change_scheme(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is None:
             return
-        scheme, now = self._scheme.value.partition(":")[0], self._runner.parameters
-        values: dict[str, Any] = {"scheme": scheme}
-        if scheme == "mean_speed":  # (31) looks four steps ahead
-            values["horizon_samples"] = max(now.horizon_samples, 4 * now.samples_per_step)
-        elif now.scheme == "mean_speed":
-            values["horizon_samples"] = self._defaults.horizon_samples
+        name, now = self._scheme.value.partition(":")[0], self._runner.parameters
+        values: dict[str, Any] = {"scheme": name}
+        least = SCHEMES[name].least_horizon(now.timing.samples_per_step)
+        looks_ahead_less = SCHEMES[name].nb_steps_ahead < now.formulation.nb_steps_ahead
+        if now.horizon_samples < least or looks_ahead_less:
+            values["horizon_samples"] = max(self._defaults.horizon_samples, least)
         self._ask(event.client, values)
 
     def _ask(self, client: viser.ClientHandle, values: dict[str, Any]) -> None:
@@ -138,7 +129,7 @@ class MethodTab:
 
 
 def _label(scheme: str) -> str:
-    return f"{scheme}: {PAPER[scheme]}"
+    return f"{scheme}: {SCHEMES[scheme].label}"
 
 
 def _text(value: float) -> str:

@@ -13,8 +13,8 @@ from app.drawing.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRU
 from app.live.runner import LiveState
 from app.viewer.transport.stream import Stream
 from walkcore import Robot, Snapshot
-from walkcore.mpc.gait import Footstep, Phase
-from walkcore.mpc.regions import sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.stance import Footstep, sole_vertices
 from walkcore.values import rotation
 
 FRAMES_PER_POINT = 2

@@ -15,9 +15,8 @@ from app.viewer.scene.robot_mesh import BodyPart, body_parts
 from app.viewer.scene.shapes import plate
 from app.viewer.transport.stream import Stream
 from walkcore import Robot, Snapshot
-from walkcore.mpc.gait import Side
-from walkcore.mpc.pattern_generator import Status
-from walkcore.mpc.regions import mirrored
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side, mirrored
 from walkcore.robot import BodyModel
 
 SEE_THROUGH = 0.3  # opacity

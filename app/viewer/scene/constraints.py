@@ -15,8 +15,9 @@ from app.drawing.palette import ACTIVE
 from app.viewer.scene.shapes import Points, raised
 from app.viewer.transport.stream import Stream
 from walkcore import Parameters, Robot, Snapshot, WalkError
-from walkcore.mpc.gait import Footstep, Phase
-from walkcore.mpc.regions import inset_vertices, sole_vertices
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.regions import inset_vertices
+from walkcore.mpc.stance import Footstep, sole_vertices
 from walkcore.values import Matrix, Vector, rotation
 
 TOUCH = 1e-3  # [m]

@@ -13,8 +13,9 @@ from app.drawing.palette import LEFT_FOOT, MARGIN, REGION, RIGHT_FOOT, SUPPORT, 
 from app.viewer.scene.shapes import counter_clockwise, fan, outline, raised
 from app.viewer.transport.stream import Stream
 from walkcore import Robot, Snapshot, WalkError
-from walkcore.mpc.gait import Footstep, Phase, Side
-from walkcore.mpc.regions import inset_vertices, mirrored
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.regions import inset_vertices
+from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.values import Matrix, Vector, rotation
 
 Place = tuple[float, float, float]  # x, y [m], yaw [rad]

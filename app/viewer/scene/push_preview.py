@@ -16,8 +16,9 @@ from app.viewer.scene.footprints import PlannedSoles
 from app.viewer.scene.markers import STYLES, add_dot, capture_point
 from app.viewer.transport.stream import Stream
 from walkcore import Parameters, Robot, Snapshot
-from walkcore.mpc.gait import Phase, Side
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
 from walkcore.values import Vector
 
 HEIGHT = 0.010  # [m] of the steps, above those that are planned without the push

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from walkcore import Snapshot
-from walkcore.mpc.pattern_generator import Status
+from walkcore.mpc.plan import Status
 
 LONGEST_GAP = 0.1  # [s] over which the trapezoidal rule still holds
 WEAKEST = 0.06  # [m/s] of sudden change of velocity that counts as a push
