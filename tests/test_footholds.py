@@ -12,8 +12,8 @@ from app.footholds.study import Study, study
 from walkcore import load_robot
 from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.footholds.collisions import SAFETY_DISTANCE, LegDistances
-from walkcore.footholds.safe_polygon import area, inscribed_polygon, inside, intersection
-from walkcore.footholds.step_feasibility import Outcome, StepTrial, placement_before
+from walkcore.footholds.safe_polygon import area, inside, intersection, safe_polygon
+from walkcore.footholds.step_feasibility import Feasibility, StepFeasibility, placement_before
 from walkcore.footholds.study import MAX_VERTICES, common_vertices, contains, sampled_placements
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
@@ -23,8 +23,8 @@ SAMPLES = 220
 
 
 @pytest.fixture(scope="module")
-def trial() -> StepTrial:
-    return StepTrial(load_robot("talos"))
+def trial() -> StepFeasibility:
+    return StepFeasibility(load_robot("talos"))
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +35,13 @@ def found() -> Study:
 @pytest.mark.parametrize(
     ("placement", "outcome"),
     [
-        ((0.0, 0.17, 0.0), Outcome.SAFE),
-        ((0.2, 0.20, 0.0), Outcome.SAFE),
-        ((0.0, 0.11, 0.0), Outcome.COLLISION),
-        ((0.0, 0.16, 0.40), Outcome.COLLISION),  # heel against heel
-        ((-0.50, 0.45, 0.0), Outcome.REACH),
-        ((0.90, 0.20, 0.0), Outcome.JOINT_LIMIT),  # the hips end before the knees are straight
-        ((0.55, 0.20, 0.0), Outcome.JOINT_SPEED),
+        ((0.0, 0.17, 0.0), Feasibility.SAFE),
+        ((0.2, 0.20, 0.0), Feasibility.SAFE),
+        ((0.0, 0.11, 0.0), Feasibility.COLLISION),
+        ((0.0, 0.16, 0.40), Feasibility.COLLISION),  # heel against heel
+        ((-0.50, 0.45, 0.0), Feasibility.REACH),
+        ((0.90, 0.20, 0.0), Feasibility.JOINT_LIMIT),  # the hips end before the knees are straight
+        ((0.55, 0.20, 0.0), Feasibility.JOINT_SPEED),
     ],
 )
 def test_an_obvious_placement_has_its_obvious_outcome(trial, placement, outcome):
@@ -50,8 +50,8 @@ def test_an_obvious_placement_has_its_obvious_outcome(trial, placement, outcome)
 
 def test_the_higher_the_com_the_shorter_the_step():
     placement = np.array([-0.40, 0.20, 0.0])
-    outcomes = [StepTrial(load_robot("talos"), height).placement(placement) for height in (0.84, 0.89)]
-    assert outcomes == [Outcome.SAFE, Outcome.REACH]
+    outcomes = [StepFeasibility(load_robot("talos"), height).placement(placement) for height in (0.84, 0.89)]
+    assert outcomes == [Feasibility.SAFE, Feasibility.REACH]
 
 
 def test_the_foot_of_a_mirrored_walk_comes_from_where_it_left():
@@ -73,7 +73,7 @@ def test_legs_that_stand_apart_are_as_far_apart_as_their_soles():
         feet = [standing(Footstep(side, np.array([0.0, side.sign * width / 2]), 0.0)) for side in Side]
         q = body.at_rest(BodyTarget(np.array([0.0, 0.0, robot.com_height]), *feet, heading=0.0))
         assert len(distances.distances(q)) == 16
-        smallest.append(distances.spare(q))
+        smallest.append(distances.clearance(q))
     assert smallest[0] < 0.0 < smallest[1] < 0.17 - 0.124 - SAFETY_DISTANCE
 
 
@@ -82,7 +82,7 @@ def test_every_placement_tried_inside_a_polygon_was_safe(found):
     for region in found.regions:
         inside_of_it = outcomes[contains(region, found.placements)]
         assert len(inside_of_it) > SAMPLES // 10
-        assert np.all(inside_of_it == Outcome.SAFE)
+        assert np.all(inside_of_it == Feasibility.SAFE)
 
 
 def test_polygons_are_convex_with_few_corners_and_one_for_each_band_of_yaw(found):
@@ -136,12 +136,12 @@ def test_too_few_samples_are_refused():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_an_inscribed_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_be_kept(seed):
+def test_an_safe_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_be_kept(seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.0, 1.0, (300, 2))
     is_allowed = np.linalg.norm(points / [1.0, 0.7], axis=1) < 0.8
     kept = np.array([[0.0, 0.0]])
-    corners = inscribed_polygon(points[is_allowed], points[~is_allowed], kept, 6)
+    corners = safe_polygon(points[is_allowed], points[~is_allowed], kept, 6)
     assert len(corners) <= 6
     assert inside(corners, kept)[0]
     assert not np.any(inside(corners, points[~is_allowed]))
@@ -152,9 +152,9 @@ def test_an_inscribed_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_
 def test_what_cannot_be_cut_off_is_told():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     with pytest.raises(EmptyRegionError, match="cut off"):
-        inscribed_polygon(square, np.array([[0.5, 0.5]]), np.array([[0.5, 0.5]]), 5)
+        safe_polygon(square, np.array([[0.5, 0.5]]), np.array([[0.5, 0.5]]), 5)
     with pytest.raises(EmptyRegionError, match="enclose no area"):
-        inscribed_polygon(square[:2], np.empty((0, 2)), square[:1], 5)
+        safe_polygon(square[:2], np.empty((0, 2)), square[:1], 5)
 
 
 def test_two_squares_have_their_overlap_in_common():

@@ -20,7 +20,7 @@ CORE = """
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     snapshot state simulation
     scenario.expectations scenario.events scenario.scenario
-    analysis.columns analysis.margins analysis.steady_walking analysis.push_follower analysis.recovery analysis.metrics
+    analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.metrics
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = "settings drawing live viewer formats runs http bench figures report footholds routes main commands".split()

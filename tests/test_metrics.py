@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from walkcore import load_scenario, record
-from walkcore.analysis.margins import divergent_component, support_margins
+from walkcore.analysis.margins import dcm, support_margins
 from walkcore.analysis.metrics import metrics
-from walkcore.analysis.recovery import recoveries
+from walkcore.analysis.push_recovery import push_recoveries
 from walkcore.analysis.steady_walking import steady_walks
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.expectations import METRICS, Expectation, expectation_names, expectations_from_mapping
@@ -77,7 +77,7 @@ def test_the_sole_that_turns_takes_its_edges_along():
 
 def test_the_capture_point_is_ahead_of_the_com_by_velocity_over_omega():
     walk = on_one_foot(1, com_vx=np.array([math.sqrt(10.0)]))
-    assert divergent_component(walk)[0] == pytest.approx([1.0, 0.0])
+    assert dcm(walk)[0] == pytest.approx([1.0, 0.0])
 
 
 def test_mean_velocity_is_over_whole_cycles_in_the_heading_frame_after_one_to_settle():
@@ -117,7 +117,7 @@ def test_the_deviation_is_from_the_cycle_before_the_push_repeated():
     impulse = np.zeros(rows)
     impulse[push : push + 3] = [2.0, 2.0, 1.0]
     walk = on_one_foot(rows, com_vy=sway + shove, com_y=so_far(sway + shove), push_y=impulse)
-    (found,) = recoveries(walk)
+    (found,) = push_recoveries(walk)
     assert found.impulse == (0.0, 5.0)
     assert found.time is None and found.steps is None  # it never steps
     assert found.com_deviation == pytest.approx(so_far(shove)[-1], rel=1e-9)
@@ -126,7 +126,7 @@ def test_the_deviation_is_from_the_cycle_before_the_push_repeated():
 def test_a_push_that_disturbs_the_cycle_before_the_next_one_leaves_that_without_a_deviation():
     push = np.zeros(100)
     push[[40, 50]] = 1.0
-    first, second = recoveries(Made(100, {"push_x": push}))
+    first, second = push_recoveries(Made(100, {"push_x": push}))
     assert first.time == second.time == pytest.approx(DT)  # it stands at rest
     assert first.com_deviation == 0.0 and second.com_deviation is None
 

@@ -1,4 +1,4 @@
-"""What a person, a script or a scenario asks of the robot at one tick."""
+"""Commands of one tick: a reference velocity, and a push."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -11,14 +11,14 @@ Frame = Literal["robot", "world"]
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Velocity asked of the CoM, in the robot's heading frame."""
+    """Reference velocity of the CoM, in the robot's heading frame."""
 
     vx: float = 0.0
-    """Forward [m/s]."""
+    """Forward velocity [m/s]."""
     vy: float = 0.0
-    """To the left [m/s]."""
+    """Velocity to the left [m/s]."""
     yaw_rate: float = 0.0
-    """Counter-clockwise [rad/s]."""
+    """Counter-clockwise yaw rate [rad/s]."""
 
     def __post_init__(self) -> None:
         for name in ("vx", "vy", "yaw_rate"):
@@ -26,7 +26,7 @@ class Reference:
 
     @property
     def is_zero(self) -> bool:
-        """Whether the robot is asked to stay where it is."""
+        """Whether the robot is to stay where it is."""
         return self.vx == 0.0 and self.vy == 0.0 and self.yaw_rate == 0.0
 
 

@@ -8,7 +8,7 @@ class WalkError(Exception):
 
 
 class InvalidValueError(WalkError, ValueError):
-    """A value from outside lies beyond its limit; carries what a caller needs to correct it."""
+    """A value from outside lies beyond its limit; carries field, value and limit."""
 
     def __init__(self, field: str, value: object, limit: str) -> None:
         super().__init__(f"{field} = {value!r}: {limit}")
@@ -38,4 +38,4 @@ class NoSolutionFoundError(WalkError):
 
 
 class InverseKinematicsError(WalkError):
-    """The body cannot reach the CoM and feet that were asked of it."""
+    """The body cannot reach the requested CoM and feet."""

@@ -41,7 +41,7 @@ class Parameters:
     """Weights, horizon, timing and margins of the walking motion generation."""
 
     scheme: str = "full"
-    """Which terms the objective has, and who decides the footholds: a name of `schemes.py`; `full` is (19)."""
+    """Terms of the objective and authority over the footholds: a name of `schemes.py`; `full` is (19)."""
     alpha: float = 1e-6
     """Weight of the jerk in (19)."""
     beta: float = 1.0
@@ -55,31 +55,31 @@ class Parameters:
     foothold_weight: float = 1.0
     """Weight of the distance from the footholds to the planned ones, where the QP may move them."""
     horizon_samples: int = 16
-    """N."""
+    """N, number of samples of the horizon."""
     sampling_period: float = 0.1
-    """T, from one sample of the horizon to the next [s]."""
+    """T, between samples of the horizon [s]."""
     control_period: float = 0.005
-    """From one tick to the next [s]; at `sampling_period` the scheme is exactly the paper's."""
+    """Duration of a tick [s]; at `sampling_period` the scheme is exactly the paper's."""
     step_duration: float = 0.8
-    """From one touchdown to the next: double support, then single support [s]."""
+    """Time from one touchdown to the next: double support, then single support [s]."""
     double_support_duration: float = 0.1
     """Equal to `sampling_period`, so that no sample falls inside a double support (section 4) [s]."""
     initial_double_support_duration: float = 0.8
-    """Standing on both feet before the first step, while the CoM sways over the first support [s]."""
+    """Time on both feet before the first step, while the CoM sways over the first support [s]."""
     stepping_in_place: bool = False
-    """Whether the robot keeps stepping while it is asked to stay, as the paper's does."""
+    """Whether the robot keeps stepping while the reference is zero, as the paper's does."""
     dynamic_filter: bool = False
     """Whether the body's CoM leaves the model's by some millimetres, to keep the true CoP at the model's."""
     cop_margin: float = 0.03
-    """Distance kept by the CoP at the samples from the edges of its polygon [m]."""
+    """Distance that the CoP at the samples keeps from the edges of its polygon [m]."""
     com_height: float | None = None
-    """h, of the CoM above the ground [m]; None takes the robot's own."""
+    """h, height of the CoM above the ground [m]; None takes the robot's own."""
     swing_height: float = 0.05
     """Highest point of the sole in the air [m]."""
     gravity: float = GRAVITY
     """g [m/s^2]."""
     solver: str = "piqp"
-    """Of the QP: `piqp`, or `daqp`, which is exact and faster."""
+    """Solver of the QP: `piqp`, or `daqp`, which is exact and faster for many walks at once."""
 
     def __post_init__(self) -> None:
         if isinstance(self.scheme, str):  # pyright: ignore[reportUnnecessaryIsInstance]  # a client sends anything

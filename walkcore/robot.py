@@ -1,4 +1,4 @@
-"""A robot as the walking motion generation sees it: mass, height, soles, and where its feet may go."""
+"""A robot as the walking motion generation sees it: mass, height, soles, and the regions of its feet."""
 
 import math
 from collections.abc import Mapping
@@ -23,12 +23,12 @@ ROBOTS = files("walkcore") / "robots"
 
 @dataclass(frozen=True, slots=True)
 class BodyModel:
-    """Where the whole body of a robot is described."""
+    """Files and frames that describe the whole body of a robot."""
 
     urdf: Path
     srdf: Path
     package_folder: Path
-    """Folder in which the URDF's `package://` addresses start."""
+    """Folder in which the `package://` addresses of the URDF start."""
     posture: str
     """Name of a reference configuration of the SRDF."""
     left_sole: str
@@ -55,7 +55,7 @@ class SwingMoments:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FootholdRegion:
-    """Where the left foot may land if its yaw against the right foot is within a band; mirrored for the right foot."""
+    """Region of the left foot for a band of yaws against the right foot; mirrored for the right foot."""
 
     lowest_yaw: float
     """Toes out is positive [rad]."""
@@ -67,27 +67,27 @@ class FootholdRegion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
-    """What `robots/<name>.yaml` says of a robot."""
+    """The quantities of a robot, as `robots/<name>.yaml` holds them."""
 
     name: str
     mass: float
     """[kg]."""
     com_height: float
-    """Of the CoM above the ground [m]."""
+    """Height of the CoM above the ground [m]."""
     stance_width: float
-    """Between the sole frames at rest [m]."""
+    """Distance between the sole frames at rest [m]."""
     sole: Matrix
     """Outline of the left sole in its own frame [m], shape (V, 2); the right one is its mirror image."""
     foothold_regions: tuple[FootholdRegion, ...]
-    """Where a foot may land, from toes in to toes out."""
+    """Regions of a foothold, from toes in to toes out."""
     max_foot_speed: Vector
-    """Along x and y of the support foot's frame [m/s], shape (2,): v_max of (30)."""
+    """v_max of (30), along x and y of the support foot's frame [m/s], shape (2,)."""
     max_foot_yaw_rate: float
-    """Of the foot in the air [rad/s]."""
+    """Largest yaw rate of the foot in the air [rad/s]."""
     max_com_distance: float
-    """Horizontal, from the CoM to the support foot, beyond which the leg is too short: the robot has fallen [m]."""
+    """Horizontal distance of the CoM from the support foot beyond which the leg is too short: a fall [m]."""
     max_reference: Mapping[str, tuple[float, float]]
-    """Lowest and highest vx, vy [m/s] and yaw_rate [rad/s] that may be asked."""
+    """Lowest and highest reference vx, vy [m/s] and yaw_rate [rad/s]."""
     max_push: float
     """Largest impulse that may be given [N s]."""
     swing_moments: SwingMoments
@@ -97,11 +97,11 @@ class Robot:
 
     @property
     def foothold_region(self) -> Matrix:
-        """Where the left foot may land, straight, in the right foot's frame [m], shape (V, 2)."""
+        """Region of the left foot, straight, in the right foot's frame [m], shape (V, 2)."""
         return self.foothold_region_at(0.0, Side.LEFT)
 
     def foothold_region_at(self, yaw: float, landing: Side) -> Matrix:
-        """Where a foot may land in the frame of the support foot [m], shape (V, 2).
+        """Region of a foot in the frame of the support foot [m], shape (V, 2).
 
         Args:
             yaw: of the landing foot against the support foot, counter-clockwise [rad].
@@ -111,11 +111,11 @@ class Robot:
         return foothold_vertices(self.foothold_regions[closest_band(bands, yaw * landing.sign)].vertices, landing)
 
     def foot_at_rest(self, side: Side) -> Footstep:
-        """Where a foot stands before the first command: the robot around the origin, facing x."""
+        """Place of a foot before the first command: the robot stands around the origin, facing x."""
         return Footstep(side, np.array([0.0, side.sign * self.stance_width / 2]), 0.0)
 
     def check_reference(self, reference: Reference) -> Reference:
-        """The reference, if this robot can be asked for it.
+        """The reference, if it lies within the limits of this robot.
 
         Raises:
             InvalidValueError: naming the component, its value and its limits.
@@ -125,7 +125,7 @@ class Robot:
         return reference
 
     def clamped_reference(self, reference: Reference) -> Reference:
-        """The nearest reference that this robot can be asked for."""
+        """The nearest reference within the limits of this robot."""
         limits = self.max_reference
         return Reference(
             **{name: min(max(getattr(reference, name), limits[name][0]), limits[name][1]) for name in limits}

@@ -35,7 +35,7 @@ NO_IMPULSE = frozen_copy(np.zeros(2))
 
 
 class Simulation:
-    """A robot that walks as it is told, tick by tick. The same commands give the same snapshots."""
+    """A robot that walks to commands, tick by tick. The same commands give the same snapshots."""
 
     def __init__(
         self, robot: Robot | None = None, parameters: Parameters | None = None, stages: Stages = UNTIMED
@@ -45,10 +45,10 @@ class Simulation:
         Args:
             robot: Talos if none is given.
             parameters: the paper's if none are given.
-            stages: is told when the stages of each tick are over; it never changes what they decide.
+            stages: listens to the stages of each tick; it never changes what they decide.
 
         Raises:
-            InverseKinematicsError: if the body cannot stand at the CoM height asked for.
+            InverseKinematicsError: if the body cannot stand at this CoM height.
             EmptyRegionError: if the CoP margin leaves nothing of a sole.
         """
         self.robot = load_robot("talos") if robot is None else robot
@@ -86,7 +86,7 @@ class Simulation:
 
     @property
     def state(self) -> SimulationState:
-        """All that the robot remembers, for `restore` of this or another simulation of it."""
+        """The whole state of the robot, for `restore` of this or another simulation of it."""
         return SimulationState(
             tick=self._tick,
             gait=self._gait,
@@ -120,10 +120,10 @@ class Simulation:
         return (self._feet[Side.LEFT].yaw + self._feet[Side.RIGHT].yaw) / 2
 
     def step(self, command: Command | None = None) -> Snapshot:
-        """Advance by one tick. Never raises for what happens to the robot: `status` tells.
+        """Advance by one tick. Never raises for what happens to the robot: that is in `status`.
 
         Args:
-            command: holds for this tick; none asks the robot to stay where it is.
+            command: holds for this tick; by default the robot stays where it is.
 
         Returns:
             The state that the QP saw, after this tick's push, and what it decided.
@@ -145,7 +145,7 @@ class Simulation:
         return snapshot
 
     def preview(self, command: Command) -> Snapshot:
-        """What the next tick would be with this command; nothing of the robot changes.
+        """The snapshot of the next tick if this command came; nothing of the robot changes.
 
         Without the body: its joints are those of the present, its true CoP and torques are None.
         """
@@ -177,7 +177,7 @@ class Simulation:
             return None
         if not self.parameters.formulation.is_constrained:
             x, y = cop = self._generator.pendulum.cop(self._com)
-            if polygon(self._stance(self._gait.at(self._tick)).polygon).excess(cop) > 0.0:
+            if polygon(self._stance(self._gait.at(self._tick)).corners).excess(cop) > 0.0:
                 self._fall_down(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
                 return None
         walks = self.parameters.stepping_in_place or not reference.is_zero
@@ -308,7 +308,7 @@ class Simulation:
         return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
 
     def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:
-        """The body follows to the next tick, which tells the true CoP at this one."""
+        """The body follows to the next tick, from which the true CoP at this one is known."""
         before, now, period = self._q_before, self._q, self.parameters.control_period
         assert before is not None and now is not None
         try:
@@ -325,7 +325,7 @@ class Simulation:
 
 
 def _first_support(reference: Reference) -> Side:
-    """The foot that carries the first step: the other one goes where the robot is asked to go."""
+    """The foot that carries the first step: the other one goes where the reference leads."""
     goes_left = reference.vy > 0.0 or (reference.vy == 0.0 and reference.yaw_rate > 0.0)
     return Side.RIGHT if goes_left else Side.LEFT
 

@@ -1,4 +1,4 @@
-"""Everything about one tick, for whoever shows, streams, records or checks it."""
+"""The snapshot of one tick, for viewers, streams, recorders and checks."""
 
 from dataclasses import dataclass
 
@@ -16,16 +16,16 @@ class GivenPush:
     """A push as it was given."""
 
     tick: int
-    """At which it began."""
+    """Tick at which the push began."""
     impulse: tuple[float, float]
-    """All of it, world frame [N s]."""
+    """Whole impulse, world frame [N s]."""
     duration: float
     """[s]; zero gives the whole impulse in one tick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """Everything about one tick, in the world frame: the state that the QP saw, and what it decided."""
+    """One tick, in the world frame: the state that the QP saw, and its decision."""
 
     tick: int
     t: float
@@ -34,16 +34,16 @@ class Snapshot:
     pendulum: Pendulum
     """The model that the CoM follows: its height, and omega."""
     jerk: Vector
-    """Of the CoM over the coming tick [m/s^3], shape (2,)."""
+    """Jerk of the CoM over the coming tick [m/s^3], shape (2,)."""
     cop: Vector
-    """Of the model [m], shape (2,)."""
+    """Centre of pressure of the model [m], shape (2,)."""
     true_cop: Vector | None
-    """From the full inverse dynamics [m], shape (2,); None for a robot without a body."""
+    """Centre of pressure from the full inverse dynamics [m], shape (2,); None for a robot without a body."""
     torques: Vector | None
-    """Of the joints, from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
+    """Joint torques from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
     reference: Reference
     heading: float
-    """Of the robot [rad]."""
+    """Heading of the robot [rad]."""
     phase: Phase
     support: Footstep
     """The foot that the QP holds fixed."""
@@ -63,11 +63,11 @@ class Snapshot:
     """The latest push; None before the first one."""
     status: Status
     reason: str
-    """What went wrong, where something did."""
+    """Reason of a fall or a relaxed tick; empty otherwise."""
     plan: Plan | None
     """None once the robot has fallen."""
     com_offset: Vector
-    """From the model's CoM to the body's, where the dynamic filter moves it [m], shape (2,)."""
+    """Offset of the body's CoM from the model's, where the dynamic filter moves it [m], shape (2,)."""
     q: Vector | None
     """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
 

@@ -1,23 +1,23 @@
-"""How long each stage of a tick takes, on a clock that the caller brings: the core reads none."""
+"""Durations of the stages of a tick, on a clock that the caller brings: the core reads none."""
 
 from collections.abc import Callable
 from typing import Protocol
 
 
 class Stages(Protocol):
-    """Is told when a tick begins and when each of its stages is over."""
+    """Listener to the stages of a tick."""
 
     def start(self) -> None:
-        """A tick begins."""
+        """Note that a tick begins."""
         ...
 
     def lap(self, stage: str) -> None:
-        """What went on since the last call was this stage."""
+        """Note that a stage is over, which went on since the last call."""
         ...
 
 
 class Stopwatch:
-    """Measures the stages of the latest tick."""
+    """Durations of the stages of the latest tick."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """Read the time from `clock` [s]."""
@@ -32,20 +32,20 @@ class Stopwatch:
         self._last = self._clock()
 
     def lap(self, stage: str) -> None:
-        """Give the time since the last call to a stage."""
+        """Add the time since the last call to a stage."""
         now = self._clock()
         self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
         self._last = now
 
 
 class _Untimed:
-    """Measures nothing."""
+    """Listener that measures nothing."""
 
     def start(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def lap(self, stage: str) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 UNTIMED: Stages = _Untimed()

@@ -1,4 +1,4 @@
-"""All that a walk remembers from one tick to the next: a value that can be kept, sent, and walked on from."""
+"""The state of a walk between two ticks: a value that can be kept, sent, and walked on from."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ QUATERNION_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PushUnderWay:
-    """What is left of a push."""
+    """The rest of a push."""
 
     impulse_per_tick: Vector
     """World frame [N s], shape (2,)."""
@@ -38,10 +38,10 @@ class PushUnderWay:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulationState:
-    """Between two ticks: with the robot, the parameters and the commands to come, it decides all that follows."""
+    """The state between two ticks, which with the robot, the parameters and the commands decides all that follows."""
 
     tick: int
-    """The coming one."""
+    """The coming tick."""
     gait: Gait
     left_foot: FootState
     right_foot: FootState
@@ -50,7 +50,7 @@ class SimulationState:
     why_fallen: str
     """Empty while the robot is on its feet."""
     com_offset: Offset
-    """From the model's CoM to the body's."""
+    """Offset of the body's CoM from the model's."""
     q: Vector | None
     """Configuration at the coming tick, in Pinocchio's order, shape (nq,); None for a robot without a body."""
     q_before: Vector | None
@@ -91,7 +91,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
 
     Args:
         data: as YAML or JSON gives it.
-        robot: whose state it is.
+        robot: that is in this state.
         parameters: in force at that tick.
 
     Raises:
@@ -170,7 +170,7 @@ def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
 
 
 def _timed(parameters: Parameters, step_duration: Any) -> Parameters:
-    """The parameters of a step under way, which keeps its duration when another one is asked for."""
+    """The parameters of a step under way, which keeps its duration when another one is requested."""
     try:
         return parameters.changed({"step_duration": step_duration})
     except InvalidValueError as error:

@@ -19,7 +19,7 @@ def frozen_copy(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vecto
     """`array` in double precision, as a copy that nobody can write to, unless it is one already.
 
     Raises:
-        ValueError: if the shape is not the one asked for.
+        ValueError: if the shape is another one.
     """
     is_frozen = isinstance(array, np.ndarray) and array.dtype is FLOAT and not array.flags.writeable
     copy = cast(Vector, array) if is_frozen else np.array(array, dtype=FLOAT)

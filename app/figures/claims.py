@@ -10,7 +10,7 @@ from app.figures.solve_time import SolveTimes
 from app.figures.walks import AS_SHIPPED, SPREAD, SPREAD_HEAVY, TOUCH, Walks
 from walkcore import Recording
 from walkcore.analysis.columns import cop_error, ticks_relaxed
-from walkcore.analysis.recovery import Recovery
+from walkcore.analysis.push_recovery import PushRecovery
 
 LABELS = {"speed_only": "(17)", "speed_and_jerk": "(19), γ = 0", "full": "(19)", "mean_velocity": "(31)"}
 SAME = 0.05  # relative difference below which a number is the paper's
@@ -228,7 +228,7 @@ def _pushes(walks: Walks) -> Iterator[Claim]:
         )
 
 
-def _recovered(recovery: Recovery) -> str:
+def _recovered(recovery: PushRecovery) -> str:
     if recovery.time is None:
         return "the walk does not repeat itself again"
     return f"the walk repeats itself after {recovery.time:.2f} s, steps: {recovery.steps}"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from walkcore import Recording
 from walkcore.analysis.columns import points, touchdowns
 from walkcore.analysis.margins import support_margins
-from walkcore.analysis.recovery import Recovery, recoveries
+from walkcore.analysis.push_recovery import PushRecovery, push_recoveries
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.regions import polygon
 from walkcore.mpc.stance import mirrored
@@ -177,7 +177,7 @@ def mean_over_horizon(recording: Recording, name: str) -> Vector:
 class PushEffect:
     """What the push does to the sample motion."""
 
-    recovery: Recovery
+    recovery: PushRecovery
     drift: float
     """To the left of the walk without the push, once recovered, or at the end [m]."""
     free_touchdown: float
@@ -193,7 +193,7 @@ def push_effect(recording: Recording, without_push: Recording) -> PushEffect:
         recording: of the sample motion.
         without_push: of the same without the push, so that the sway of the gait does not count.
     """
-    (found,) = recoveries(recording)
+    (found,) = push_recoveries(recording)
     period = float(recording.parameters["control_period"])
     push = round(found.t / period)
     recovered = -1 if found.time is None else push + round(found.time / period)

@@ -12,18 +12,18 @@ from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
 from app.footholds.study import Study
 from walkcore import Robot, load_robot
 from walkcore.footholds.safe_polygon import area
-from walkcore.footholds.step_feasibility import Outcome
+from walkcore.footholds.step_feasibility import Feasibility
 from walkcore.footholds.study import HIGHEST, LOWEST
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import FootholdRegion
 
 # Told apart by shape as well as by colour.
-MARKERS: dict[Outcome, tuple[str, str]] = {
-    Outcome.SAFE: (".", "#2ba455"),
-    Outcome.REACH: ("x", "#1f6fb4"),
-    Outcome.JOINT_LIMIT: ("+", "#8c564b"),
-    Outcome.COLLISION: ("_", "#d62424"),
-    Outcome.JOINT_SPEED: ("|", "#8e5bb8"),
+MARKERS: dict[Feasibility, tuple[str, str]] = {
+    Feasibility.SAFE: (".", "#2ba455"),
+    Feasibility.REACH: ("x", "#1f6fb4"),
+    Feasibility.JOINT_LIMIT: ("+", "#8c564b"),
+    Feasibility.COLLISION: ("_", "#d62424"),
+    Feasibility.JOINT_SPEED: ("|", "#8e5bb8"),
 }
 NB_COLUMNS = 3
 FRONT_AND_SIDE = 0.13  # [m] that a sole may stick out over the placements

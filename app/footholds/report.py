@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.footholds.picture import draw
 from app.footholds.study import Study
-from walkcore.footholds.step_feasibility import Outcome
+from walkcore.footholds.step_feasibility import Feasibility
 from walkcore.footholds.study import common_vertices
 from walkcore.values import Matrix
 
@@ -44,5 +44,5 @@ def _corners(vertices: Matrix) -> str:
     return "[" + ", ".join(f"[{x:.4f}, {y:.4f}]" for x, y in vertices) + "]"
 
 
-def _counts(outcomes: Sequence[Outcome]) -> str:
-    return ", ".join(f"{outcomes.count(outcome)} {outcome.label}" for outcome in Outcome)
+def _counts(outcomes: Sequence[Feasibility]) -> str:
+    return ", ".join(f"{outcomes.count(outcome)} {outcome.label}" for outcome in Feasibility)

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from walkcore import Robot, load_robot
 from walkcore.errors import InvalidValueError
-from walkcore.footholds.step_feasibility import Outcome, StepTrial, placement_before
+from walkcore.footholds.step_feasibility import Feasibility, StepFeasibility, placement_before
 from walkcore.footholds.study import (
     edge_placements,
     safe_regions,
@@ -32,7 +32,7 @@ EDGE_SPACING = 0.03  # [m] between placements along the edges of the polygons
 NB_REFINEMENTS = 2  # of the polygons, by what is found along their edges
 CHUNK = 16  # trials that a process takes at a time
 
-_trial: StepTrial  # of a worker process, set when it starts
+_trial: StepFeasibility  # of a worker process, set when it starts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,11 +46,11 @@ class Study:
     seed: int
     placements: Matrix
     """x, y [m], yaw [rad] of the left foot in the right foot's frame, shape (P, 3)."""
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[Feasibility]
     """Of the placements, P of them."""
     regions: Sequence[FootholdRegion]
     """One for each band of yaw."""
-    steps: Sequence[Outcome]
+    steps: Sequence[Feasibility]
     """Of steps between different placements of the regions."""
 
     @property
@@ -86,7 +86,7 @@ def study(
     """
     if nb_samples < FEWEST_SAMPLES:
         raise InvalidValueError("samples", nb_samples, f"must be at least {FEWEST_SAMPLES}")
-    height = StepTrial(robot, com_height).com_height  # what cannot be tried at all is told by this process
+    height = StepFeasibility(robot, com_height).com_height  # what cannot be tried at all is told by this process
     placements = sampled_placements(nb_samples, seed)
     with _workers(robot.name, height, nb_workers) as pool:
         outcomes = _tried(pool, placements, "placements")
@@ -101,7 +101,7 @@ def study(
     return Study(robot.name, height, nb_samples, seed, placements, outcomes, regions, steps)
 
 
-def _tried(pool: ProcessPoolExecutor, placements: Matrix, label: str) -> list[Outcome]:
+def _tried(pool: ProcessPoolExecutor, placements: Matrix, label: str) -> list[Feasibility]:
     """What came of the placements, in their order."""
     outcomes = pool.map(_try_placement, placements, chunksize=CHUNK)
     return list(tqdm(outcomes, label, len(placements), disable=None))
@@ -109,7 +109,7 @@ def _tried(pool: ProcessPoolExecutor, placements: Matrix, label: str) -> list[Ou
 
 @contextmanager
 def _workers(robot: str, com_height: float, number: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that hold one `StepTrial` each; what has not begun is dropped when the block is left early."""
+    """Processes that hold one `StepFeasibility` each; what has not begun is dropped when the block is left early."""
     pool = ProcessPoolExecutor(number, get_context("spawn"), partial(_start_worker, robot, com_height))
     try:
         yield pool
@@ -119,12 +119,12 @@ def _workers(robot: str, com_height: float, number: int) -> Iterator[ProcessPool
 
 def _start_worker(robot: str, com_height: float) -> None:
     global _trial
-    _trial = StepTrial(load_robot(robot), com_height)
+    _trial = StepFeasibility(load_robot(robot), com_height)
 
 
-def _try_placement(placement: Vector) -> Outcome:
+def _try_placement(placement: Vector) -> Feasibility:
     return _trial.placement(placement)
 
 
-def _try_step(pair: Matrix) -> Outcome:
+def _try_step(pair: Matrix) -> Feasibility:
     return _trial.step(placement_before(pair[0]), pair[1])

@@ -16,7 +16,7 @@ from app.live.random_pushes import RandomPusher
 from app.live.session import SessionLog
 from app.live.state import Counts, LiveState, RandomPushes
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
-from walkcore.analysis.push_follower import PushFollower, moment_of
+from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.mpc.plan import Status
 from walkcore.stages import Stopwatch
 
@@ -76,7 +76,7 @@ class Control:
         self._drive, self._driven_at = NOBODY, 0.0
         self._push: Push | None = None
         self._pusher: RandomPusher | None = None
-        self._robot, self._follower = robot, PushFollower()
+        self._robot, self._follower = robot, PushRecoveryMonitor()
         self._log = SessionLog(self._simulation)
         self._log.begin()
         first = self._simulation.step()
@@ -153,7 +153,7 @@ class Control:
     def reset(self) -> LiveState:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         self._drive, self._push = NOBODY, None
-        self._follower = PushFollower()
+        self._follower = PushRecoveryMonitor()
         self._log.reset()
         self._simulation.reset()
         self._pace.forget_real_t()
@@ -204,7 +204,7 @@ class Control:
         snapshot = self._simulation.step(command)
         self._pace.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
-        self._follower.see(moment_of(snapshot, self._robot.mass))
+        self._follower.update(balance_state(snapshot, self._robot.mass))
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from app.live.pace import Timing
 from walkcore import Snapshot
-from walkcore.analysis.push_follower import FollowedPush
+from walkcore.analysis.push_recovery import PushOutcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class LiveState:
     real_t: float = 0.0
     """Time that passed on the wall while the robot was running, since its reset [s]."""
     counts: Counts = Counts()
-    last_push: FollowedPush | None = None
+    last_push: PushOutcome | None = None
     """What became of it."""
     random_pushes: RandomPushes | None = None
     """None while there are none."""

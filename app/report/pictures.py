@@ -10,7 +10,7 @@ from app.drawing import palette
 from app.drawing.axes import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, figure, ink, legend, sole_key
 from app.report.loading import LoadedRun
 from walkcore.analysis.columns import cop_error, heading_velocity, points, push_rows, reference_changes
-from walkcore.analysis.margins import divergent_component, support_margins
+from walkcore.analysis.margins import dcm, support_margins
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
 from walkcore.values import Vector
@@ -82,7 +82,7 @@ def draw_capturability(path: Path, runs: Sequence[LoadedRun], names: Sequence[st
     """From the DCM to the edge of the support polygon: below zero the robot has to step."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         axes.axhline(0.0, color="#555555", linewidth=0.8)
-        _draw_series(axes, runs, names, lambda run: 100 * support_margins(run, divergent_component(run)))
+        _draw_series(axes, runs, names, lambda run: 100 * support_margins(run, dcm(run)))
         _finish(axes, runs, "DCM inside the support polygon (below zero: must step)", "[cm]")
 
 

@@ -1,4 +1,4 @@
-"""A walk as its columns tell it: what metrics are computed from, be it fresh or read from a file."""
+"""The columns of a walk, fresh or read from a file, from which metrics are computed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyUse:
-    """How the whole body follows, tick by tick; NaN where it has fallen."""
+    """Errors and efforts of the whole body, tick by tick; NaN where it has fallen."""
 
     joints: tuple[str, ...]
     """Names, in Pinocchio's order."""
     torque: Matrix
-    """Over the effort limits, shape (ticks, joints)."""
+    """Torques over the effort limits, shape (ticks, joints)."""
     speed: Matrix
-    """Over the velocity limits, from each tick to the next, shape (ticks - 1, joints)."""
+    """Joint speeds over the velocity limits, from each tick to the next, shape (ticks - 1, joints)."""
     com_error: Vector
-    """From the CoM asked of the body to its own [m], shape (ticks,)."""
+    """Distance from the requested CoM of the body to the reached one [m], shape (ticks,)."""
     sole_error: Vector
     """The same of the sole that is further off [m], shape (ticks,)."""
 
 
 class Walk(Protocol):
-    """Whatever has the columns of a recording."""
+    """Anything that has the columns of a recording."""
 
     @property
     def parameters(self) -> Mapping[str, Any]:
@@ -40,7 +40,7 @@ class Walk(Protocol):
 
     @property
     def reason(self) -> str:
-        """Why the robot fell, if it did."""
+        """Reason of the fall; empty if there was none."""
         ...
 
     @property
@@ -69,7 +69,7 @@ def cop_error(walk: Walk) -> Matrix:
 
 
 def ticks_relaxed(walk: Walk) -> int:
-    """At which the margin was given up, because the QP had no solution or its plan led to a fall."""
+    """Number of ticks at which margin was given up, because the QP had no solution or its plan led to a fall."""
     return int(np.sum(walk["status"] == Status.RELAXED))
 
 
@@ -79,7 +79,7 @@ def heading(walk: Walk) -> Vector:
 
 
 def heading_velocity(walk: Walk) -> Matrix:
-    """Of the CoM, in the robot's heading frame [m/s], shape (ticks, 2)."""
+    """Velocity of the CoM in the robot's heading frame [m/s], shape (ticks, 2)."""
     v = np.column_stack([walk["com_vx"], walk["com_vy"]])
     c, s = np.cos(heading(walk)), np.sin(heading(walk))
     return np.column_stack([c * v[:, 0] + s * v[:, 1], c * v[:, 1] - s * v[:, 0]])
@@ -122,7 +122,7 @@ def timing_changes(walk: Walk) -> NDArray[np.intp]:
 
 
 def _steps(walk: Walk) -> tuple[NDArray[np.intp], Vector]:
-    """First row of each step but the first, which is told to begin at row 0, and how long they take [s]."""
+    """First row of each step, the first of which is said to begin at row 0, and their durations [s]."""
     left = walk["time_to_touchdown"]
     begun = np.flatnonzero(np.diff(left) > 0.0) + 1
     return np.append(0, begun), np.append(float(walk.parameters["step_duration"]), left[begun])
@@ -130,5 +130,5 @@ def _steps(walk: Walk) -> tuple[NDArray[np.intp], Vector]:
 
 def reference_changes(walk: Walk) -> NDArray[np.intp]:
     """Rows at which the reference is not that of the row before."""
-    asked = np.column_stack([walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate")])
-    return np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
+    reference = np.column_stack([walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate")])
+    return np.flatnonzero(np.any(np.diff(reference, axis=0) != 0.0, axis=1)) + 1

@@ -1,4 +1,4 @@
-"""How far points are inside the support polygon: the CoP, and the divergent component of motion.
+"""Margins of a walk: distances of the CoP and of the DCM from the edges of the support polygon.
 
     xi = c + dc / omega
 
@@ -13,17 +13,17 @@ import numpy as np
 from walkcore.analysis.columns import Walk, pendulum, points
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.regions import HalfPlanes, polygon
-from walkcore.mpc.stance import Footstep, Side, sole_vertices
+from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.values import Matrix, Vector
 
 
-def divergent_component(walk: Walk) -> Matrix:
+def dcm(walk: Walk) -> Matrix:
     """The DCM of each tick, world frame [m], shape (ticks, 2)."""
     return points(walk, "com") + np.column_stack([walk["com_vx"], walk["com_vy"]]) / pendulum(walk).omega
 
 
 def support_margins(walk: Walk, places: Matrix) -> Vector:
-    """From a point to the nearest edge of the support polygon at each tick [m]; negative outside, shape (ticks,).
+    """Distance of a point from the edge of the support polygon at each tick [m]; negative outside, shape (ticks,).
 
     Args:
         walk: whose soles on the ground span the polygon.
@@ -48,5 +48,5 @@ def _grounds(walk: Walk) -> Iterator[tuple[slice, HalfPlanes]]:
     sole = np.array(walk.parameters["sole"]["polygon"])
     for first, end in zip(starts, [*starts[1:], state.shape[1]], strict=True):
         standing = [side for side in Side if not in_air[side, first]]
-        soles = [sole_vertices(sole, Footstep(side, feet[side, :2, first], feet[side, 2, first])) for side in standing]
-        yield slice(int(first), int(end)), polygon(np.vstack(soles))
+        stance = Stance(tuple(Footstep(s, feet[s, :2, first], float(feet[s, 2, first])) for s in standing), sole)
+        yield slice(int(first), int(end)), polygon(stance.corners)

@@ -1,4 +1,4 @@
-"""What a reader asks of a walk first: numbers by the names of `expectations.METRICS`, and what they sum up.
+"""Metrics of a walk, by the names of `expectations.METRICS`, with the steady walks and pushes that they sum up.
 
 No solve times: the core reads no clock, and the same scenario gives the same metrics. `walk bench` measures them.
 """
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from walkcore.analysis.columns import BodyUse, Mask, Walk, cop_error, heading, points, ticks_relaxed
-from walkcore.analysis.margins import divergent_component, support_margins
-from walkcore.analysis.recovery import Recovery, recoveries
+from walkcore.analysis.margins import dcm, support_margins
+from walkcore.analysis.push_recovery import PushRecovery, push_recoveries
 from walkcore.analysis.steady_walking import SteadyWalk, steady_walks
 from walkcore.mpc.plan import Status
 from walkcore.values import Vector
@@ -19,7 +19,7 @@ from walkcore.values import Vector
 
 def metrics(walk: Walk) -> dict[str, Any]:
     """All metrics of a walk; None where it has none of that name."""
-    walks, pushes = steady_walks(walk), recoveries(walk)
+    walks, pushes = steady_walks(walk), push_recoveries(walk)
     is_up = walk["status"] != Status.FALLEN
     return {
         "ticks": len(is_up),
@@ -56,7 +56,7 @@ def _tracking(walks: Sequence[SteadyWalk]) -> dict[str, float | None]:
     }
 
 
-def _recovery(pushes: Sequence[Recovery]) -> dict[str, float | None]:
+def _recovery(pushes: Sequence[PushRecovery]) -> dict[str, float | None]:
     return {
         "recovery_time": max((push.time for push in pushes if push.time is not None), default=None),
         "recovery_steps": max((push.steps for push in pushes if push.steps is not None), default=None),
@@ -70,7 +70,7 @@ def _balance(walk: Walk, is_up: Mask) -> dict[str, float | None]:
     margins = {
         "cop_margin": support_margins(walk, points(walk, "cop")),
         "true_cop_margin": support_margins(walk, points(walk, "true_cop")),
-        "capturability_margin": support_margins(walk, divergent_component(walk)),
+        "capturability_margin": support_margins(walk, dcm(walk)),
     }
     found: dict[str, float | None] = {}
     for name, margin in margins.items():
@@ -104,6 +104,6 @@ def _body(use: BodyUse | None) -> dict[str, Any]:
 
 
 def _percentile(values: Vector, percentile: float) -> float | None:
-    """Of the finite values; None if there are none."""
+    """A percentile of the finite values; None if there are none."""
     finite = values[np.isfinite(values)]
     return float(np.percentile(finite, percentile)) if len(finite) else None

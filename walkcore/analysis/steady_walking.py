@@ -1,4 +1,4 @@
-"""Mean velocity over whole gait cycles against the reference: what the sway within a cycle hides."""
+"""Steady walking: mean velocity over whole gait cycles against the reference, which the sway within a cycle hides."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class SteadyWalk:
 
 
 def steady_walks(walk: Walk) -> list[SteadyWalk]:
-    """Those of a walk, in the order of time."""
+    """The steady walks of a walk, in the order of time."""
     velocity, yaw, t = heading_velocity(walk), heading(walk), walk["t"]
     vx, vy, yaw_rate = (walk[f"reference_{name}"] for name in ("vx", "vy", "yaw_rate"))
     found: list[SteadyWalk] = []

@@ -1,6 +1,6 @@
 # pyright: basic, reportMissingImports=false
 # (Pinocchio ships no types)
-"""How close the legs of a body come to each other.
+"""Distances between the legs of a body.
 
 Thighs, shins with their knees, ankles and feet of one side against those of the
 other: the four links at the end of each leg, as the URDF's collision meshes. Their
@@ -72,7 +72,7 @@ class LegDistances:
         return self._geometry.geometryObjects[index].parentJoint
 
     def distances(self, q: Vector) -> Vector:
-        """Between all pairs of links of opposite legs [m], shape (P,); negative where they overlap.
+        """Distances between all pairs of links of opposite legs [m], shape (P,); negative where they overlap.
 
         Args:
             q: configuration in Pinocchio's order, shape (nq,).
@@ -80,6 +80,6 @@ class LegDistances:
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
         return np.array([result.min_distance for result in self._geometry_data.distanceResults])
 
-    def spare(self, q: Vector) -> float:
-        """How much further apart all pairs are than their safety distance [m]; negative where one is too close."""
+    def clearance(self, q: Vector) -> float:
+        """Least distance of a pair beyond its safety distance [m]; negative where a pair is too close."""
         return float(np.min(self.distances(q) - self._required))

@@ -21,7 +21,7 @@ NB_DIRECTIONS = 180  # of the lines tried for one cut
 DECIMALS = 4  # of the corners [m]
 
 
-def inscribed_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices: int) -> Matrix:
+def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices: int) -> Matrix:
     """Corners of a convex polygon without any forbidden point, counter-clockwise, shape (V, 2) [m].
 
     Args:
@@ -75,7 +75,7 @@ def inside(corners: Matrix, points: Matrix, margin: float = 0.0) -> NDArray[np.b
 
 
 def area(corners: Matrix) -> float:
-    """Of a counter-clockwise polygon, shape (V, 2) [m^2]."""
+    """Area of a counter-clockwise polygon, shape (V, 2) [m^2]."""
     x, y = corners.T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
 

@@ -1,6 +1,6 @@
 # pyright: basic, reportMissingImports=false
 # (Pinocchio ships no types)
-"""One step of a body, tried out before anybody takes it: section 5.
+"""Feasibility of one step of the whole body, simulated before anybody takes it: section 5.
 
 Double support, then the swing of the left foot as `swing_foot` would do it, while the CoM
 goes from between the feet to between the feet, as the pendulum of (5)-(6) does with its
@@ -39,8 +39,8 @@ SPEED_SHARE = 0.95  # of the URDF's joint speeds: what is measured here is the m
 NB_SETTLING = 3  # solutions of the inverse kinematics before a step begins
 
 
-class Outcome(IntEnum):
-    """What the trial of a step came to: safe, or what speaks against it."""
+class Feasibility(IntEnum):
+    """Feasibility of a step: safe, or the first reason against it."""
 
     SAFE = 0
     REACH = 1
@@ -50,20 +50,20 @@ class Outcome(IntEnum):
 
     @property
     def label(self) -> str:
-        """As a reader is told."""
+        """Plain words, for tables and figures."""
         return self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Instant:
-    """What the body follows at one time of a step, in the right foot's frame."""
+    """Target of the body at one time of a step, in the right foot's frame."""
 
     com: Vector
     left_foot: FootState
 
 
 def placement_before(placement: Vector) -> Vector:
-    """Where the left foot stands in the right foot's frame, shape (3,), if the right one was placed against it.
+    """Place of the left foot in the right foot's frame, shape (3,), if the right one was placed against it.
 
     Args:
         placement: of the right foot, mirrored: x, y [m], yaw [rad], shape (3,).
@@ -72,8 +72,8 @@ def placement_before(placement: Vector) -> Vector:
     return np.array([*(rotation(yaw) @ (-x, y)), yaw])
 
 
-class StepTrial:
-    """Tries steps with one body at one CoM height. Holds scratch memory only: no trial knows of another."""
+class StepFeasibility:
+    """Simulates steps of one body at one CoM height. Holds scratch memory only: no step knows of another."""
 
     def __init__(self, robot: Robot, com_height: float | None = None) -> None:
         """Load the body and its collision meshes.
@@ -100,12 +100,12 @@ class StepTrial:
         feet = [standing(robot.foot_at_rest(side)) for side in Side]
         self._rest = self._body.at_rest(BodyTarget(np.array([0.0, 0.0, self.com_height]), *feet, heading=0.0))
 
-    def placement(self, placement: Vector) -> Outcome:
-        """Try a placement x, y [m], yaw [rad], shape (3,), in a walk whose every step mirrors the one before."""
+    def placement(self, placement: Vector) -> Feasibility:
+        """Feasibility of a placement x, y [m], yaw [rad], shape (3,), in a walk of steps that mirror each other."""
         return self.step(placement_before(placement), placement)
 
-    def step(self, before: Vector, after: Vector) -> Outcome:
-        """Try a step of the left foot.
+    def step(self, before: Vector, after: Vector) -> Feasibility:
+        """Feasibility of a step of the left foot.
 
         Args:
             before: where it stands, x, y [m], yaw [rad] in the right foot's frame, shape (3,).
@@ -115,18 +115,18 @@ class StepTrial:
         q = self._rest
         for _ in range(NB_SETTLING):
             q = self._body.follow(q, targets[0], duration=1.0, tolerated=np.inf)
-        is_too_fast = False  # told last: a leg about to run out of reach is also fast
+        is_too_fast = False  # returned last: a leg about to run out of reach is also fast
         for k, target in enumerate(targets):
             try:
                 q_before, q = q, self._body.follow(q, target, INSTANT, tolerated=MAX_IK_ERROR)
             except InverseKinematicsError:
                 return self._reason(self._body.follow(q, target, INSTANT, tolerated=np.inf))
             if np.any(self._bend(q) < KNEE_MARGIN):
-                return Outcome.REACH
-            if self._distances.spare(q) < 0.0:
-                return Outcome.COLLISION
+                return Feasibility.REACH
+            if self._distances.clearance(q) < 0.0:
+                return Feasibility.COLLISION
             is_too_fast |= k > 0 and self._is_too_fast(q_before, q)
-        return Outcome.JOINT_SPEED if is_too_fast else Outcome.SAFE
+        return Feasibility.JOINT_SPEED if is_too_fast else Feasibility.SAFE
 
     def _instants(self, before: Vector, after: Vector) -> Iterator[_Instant]:
         """The step at times `INSTANT` apart, from touchdown to touchdown."""
@@ -153,15 +153,15 @@ class StepTrial:
         return BodyTarget(instant.com, instant.left_foot, right_foot, heading=instant.left_foot.yaw / 2)
 
     def _bend(self, q: Vector) -> Vector:
-        """Of the knees from straight [rad], shape (2,)."""
+        """Angles of the knees from straight [rad], shape (2,)."""
         return q[self._knee_angles] - self._body.model.lowerPositionLimit[self._knee_angles]
 
-    def _reason(self, q: Vector) -> Outcome:
-        """Why the inverse kinematics came no closer than to `q`."""
+    def _reason(self, q: Vector) -> Feasibility:
+        """The reason for which the inverse kinematics came no closer than to `q`."""
         lower, upper, legs = self._body.model.lowerPositionLimit, self._body.model.upperPositionLimit, self._leg_angles
         is_at_limit = np.minimum(q[legs] - lower[legs], upper[legs] - q[legs]) < AT_LIMIT
         is_straight = np.any(self._bend(q) < KNEE_MARGIN)
-        return Outcome.JOINT_LIMIT if np.any(is_at_limit) and not is_straight else Outcome.REACH
+        return Feasibility.JOINT_LIMIT if np.any(is_at_limit) and not is_straight else Feasibility.REACH
 
     def _is_too_fast(self, before: Vector, now: Vector) -> bool:
         speed = np.abs(pin.difference(self._body.model, before, now))[6:] / INSTANT

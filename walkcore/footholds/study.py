@@ -1,8 +1,8 @@
-"""Which places of the left foot, seen from the right one, are safe: section 5.
+"""Safe placements of the left foot, seen from the right one: section 5.
 
-Thousands of placements are tried, each as a step of a walk whose every step mirrors the
+Thousands of placements are simulated, each as a step of a walk whose every step mirrors the
 one before, and summed up in one convex polygon for each band of yaw, inside of which each
-placement tried was safe. The right foot is the left one's mirror image, and so is what is found.
+simulated placement was safe. The right foot is the left one's mirror image, and so is what is found.
 """
 
 import math
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from walkcore.errors import EmptyRegionError
-from walkcore.footholds.safe_polygon import deepest, inscribed_polygon, inside, intersection
-from walkcore.footholds.step_feasibility import Outcome
+from walkcore.footholds.safe_polygon import deepest, inside, intersection, safe_polygon
+from walkcore.footholds.step_feasibility import Feasibility
 from walkcore.mpc.orientation import MAX_TOE_IN, MAX_TOE_OUT
 from walkcore.robot import FootholdRegion
 from walkcore.values import Matrix
@@ -27,7 +27,7 @@ SPARE_PLACEMENTS = 8  # sampled for each step that is tried: enough of them lie 
 
 
 def contains(region: FootholdRegion, placements: Matrix) -> NDArray[np.bool_]:
-    """Which placements x, y [m], yaw [rad] of the left foot, shape (P, 3), lie in a region; shape (P,)."""
+    """Whether each placement x, y [m], yaw [rad] of the left foot, shape (P, 3), lies in a region; shape (P,)."""
     yaw = placements[:, 2]
     is_in_band = (region.lowest_yaw <= yaw) & (yaw <= region.highest_yaw)
     return is_in_band & inside(region.vertices, placements[:, :2])
@@ -43,24 +43,24 @@ def sampled_placements(nb_samples: int, seed: int) -> Matrix:
     return np.column_stack([qmc.scale(unit[:, :2], LOWEST, HIGHEST), yaw])
 
 
-def safe_regions(placements: Matrix, outcomes: Sequence[Outcome], stance_width: float) -> list[FootholdRegion]:
-    """One polygon for each band of yaw: each placement tried that lies inside was safe.
+def safe_regions(placements: Matrix, outcomes: Sequence[Feasibility], stance_width: float) -> list[FootholdRegion]:
+    """One polygon for each band of yaw, inside of which each simulated placement was safe.
 
     Args:
         placements: x, y [m], yaw [rad], shape (P, 3).
-        outcomes: of their trials; P of them.
-        stance_width: [m]; a robot that stands is kept inside of the band of straight feet.
+        outcomes: feasibility of each; P of them.
+        stance_width: [m]; a standing robot lies inside of the band of straight feet.
 
     Raises:
         EmptyRegionError: if too few placements of a band were safe.
     """
-    is_safe = np.array([outcome is Outcome.SAFE for outcome in outcomes])
+    is_safe = np.array([outcome is Feasibility.SAFE for outcome in outcomes])
     regions: list[FootholdRegion] = []
     for low, high in pairwise(YAW_BANDS):
         is_in_band = (low <= placements[:, 2]) & (placements[:, 2] <= high)
         safe, unsafe = placements[is_in_band & is_safe, :2], placements[is_in_band & ~is_safe, :2]
         kept = [deepest(safe, unsafe)] + ([np.array([0.0, stance_width])] if low < 0.0 < high else [])
-        regions.append(FootholdRegion(low, high, inscribed_polygon(safe, unsafe, np.array(kept), MAX_VERTICES)))
+        regions.append(FootholdRegion(low, high, safe_polygon(safe, unsafe, np.array(kept), MAX_VERTICES)))
     return regions
 
 
@@ -99,7 +99,7 @@ def sampled_steps(regions: Sequence[FootholdRegion], nb_samples: int, seed: int)
 
 
 def common_vertices(regions: Sequence[FootholdRegion]) -> Matrix:
-    """Corners of what is safe whatever the yaw, for a walk that does not look at it, shape (V, 2) [m].
+    """Corners of the region that is safe whatever the yaw, shape (V, 2) [m].
 
     Raises:
         EmptyRegionError: if there is nothing.

@@ -39,7 +39,7 @@ TIMES = SMOOTHING + AHEAD
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Offset:
-    """Of the body's CoM from the model's, world frame."""
+    """Offset of the body's CoM from the model's, world frame."""
 
     position: Vector
     """d [m], shape (2,)."""
@@ -61,7 +61,7 @@ class Motion:
     """The motion that is planned at one tick."""
 
     timing: Timing
-    """Of the step under way."""
+    """Timing of the step under way."""
     time_to_touchdown: float
     """[s]; NaN if no step is planned."""
     swing_height: float
@@ -73,19 +73,19 @@ class Motion:
 
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
-    """xi, `SMOOTHING` from now: what the offset has to follow, world frame [m], shape (2,)."""
+    """The DCM offset xi, `SMOOTHING` from now, that the offset has to follow, world frame [m], shape (2,)."""
     return freeze(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
 
 
 def _of_com(motion: Motion, omega: float) -> Vector:
-    """What the CoM's acceleration makes of xi, if it moved the CoP by as many metres, shape (2,)."""
+    """Part of xi that the CoM's acceleration causes, if it moved the CoP by as many metres, shape (2,)."""
     plan = motion.plan
     of_jerks = _weights_of_jerks(float(plan.times[0]), motion.timing.sampling_period, len(plan.times), omega)
     return _weights(omega).sum() * motion.com.acceleration + of_jerks @ plan.jerks
 
 
 def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
-    """What the coming swings make of xi, shape (2,)."""
+    """Part of xi that the coming swings cause, shape (2,)."""
     timing, landing = motion.timing, motion.time_to_touchdown
     xi = np.zeros(2)
     foot, waiting = motion.swing, motion.support
@@ -105,13 +105,13 @@ def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
 
 @lru_cache(maxsize=16)
 def _weights(omega: float) -> Vector:
-    """Of the errors at TIMES in xi."""
+    """Quadrature weights that integrate the CoP error at TIMES into xi, shape (len(TIMES),)."""
     return frozen_copy(-omega * STEP * np.exp(-omega * AHEAD))
 
 
 @lru_cache(maxsize=4096)
 def _weights_of_jerks(first_interval: float, interval: float, count: int, omega: float) -> Vector:
-    """Of the jerks of a plan in the xi of the CoM's acceleration, shape (N,)."""
+    """Weights of the jerks of a plan in the part of xi that the CoM's acceleration causes, shape (N,)."""
     starts = np.concatenate([[0.0], first_interval + interval * np.arange(count - 1)])
     durations = np.concatenate([[first_interval], np.full(count - 1, interval)])
     acted = np.minimum(np.maximum(TIMES[:, None] - starts, 0.0), durations)  # for so long each jerk has
@@ -120,7 +120,7 @@ def _weights_of_jerks(first_interval: float, interval: float, count: int, omega:
 
 @lru_cache(maxsize=4096)
 def _weights_of_flight(lift_off: float, landing: float, omega: float) -> tuple[Vector, float]:
-    """Of pose, velocity, acceleration and target of a foot in the xi of its acceleration, shape (4,); of its apex."""
+    """Weights in xi of pose, velocity, acceleration and target of a foot in flight, shape (4,), and of its apex."""
     flies = (TIMES > lift_off) & (TIMES < landing)
     horizontal, vertical = swing_accelerations(max(lift_off, 0.0), landing, lift_off, TIMES[flies])
     weights = _weights(omega)[flies]

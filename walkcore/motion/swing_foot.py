@@ -7,7 +7,7 @@ quintic. When it moves late, the foot goes as fast as the speed bound (30) allow
     |foothold - foot| <= time_left * max_speed
 
 holds at the next tick if it holds at this one, so the QP never loses a foothold
-that it has planned, and no foot is ever asked to be faster.
+that it has planned, and no foot ever has to be faster.
 """
 
 from collections.abc import Sequence
@@ -129,7 +129,7 @@ def _within_speed(move: float, to_go: float, max_speed: float, time_left: float,
 
 
 def swing_accelerations(start: float, landing: float, lift_off: float, times: Vector) -> tuple[Matrix, Vector]:
-    """What makes the accelerations of a flight of its beginning, its target and its apex.
+    """Accelerations of a flight, linear in its beginning, its target and its apex.
 
     Args:
         start: of the quintic: the present, or the lift-off to come [s].
@@ -151,7 +151,7 @@ def swing_accelerations(start: float, landing: float, lift_off: float, times: Ve
 
 @lru_cache(maxsize=4096)  # the flights of a walk pass the same times
 def _one_tick(time_left: float, tick: float) -> Matrix:
-    """What leads from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
+    """Map from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
     T, s = time_left, tick / time_left
     scale = np.array([1.0, T, T**2])
     derivatives = np.array(
@@ -166,7 +166,7 @@ def _one_tick(time_left: float, tick: float) -> Matrix:
 
 @lru_cache(maxsize=256)
 def _rotation(yaw: float) -> Matrix:
-    """From the frame of a foot to the world, for x, y and yaw, shape (3, 3)."""
+    """Rotation from the frame of a foot to the world, for x, y and yaw, shape (3, 3)."""
     R = np.eye(3)
     R[:2, :2] = rotation(yaw)
     return frozen_copy(R)

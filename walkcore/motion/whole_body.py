@@ -1,6 +1,6 @@
 # pyright: basic, reportMissingImports=false
 # (Pinocchio and Pink ship no types)
-"""From CoM, feet and torso to joint angles, and back to the true centre of pressure.
+"""Whole-body kinematics and dynamics: CoM, feet and torso to joint angles, and back to the true centre of pressure.
 
 Inverse kinematics: Pink's weighted tasks on Pinocchio, within joint limits. True CoP:
 full inverse dynamics of the motion (`pin.rnea`), where the paper's model (5)-(6)
@@ -24,7 +24,7 @@ from walkcore.robot import BodyModel
 from walkcore.values import Matrix, Vector, frozen_copy
 
 LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of Talos's posture lie on theirs
-TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what is asked of the walk
+TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what a walk allows
 MAX_ITERATIONS = 8  # of the inverse kinematics in one tick
 MAX_ERROR = 0.01  # [m] or [rad] beyond which the body has not followed
 SOLE_COST, COM_COST, TORSO_COST, POSTURE_COST = 10.0, 10.0, 1.0, 0.02
@@ -33,7 +33,7 @@ DAMPING = 1e-9  # of the inverse kinematics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyTarget:
-    """What the whole body follows at one tick, in the world frame."""
+    """Target of the whole body at one tick, in the world frame."""
 
     com: Vector
     """[m], shape (3,)."""
@@ -45,12 +45,12 @@ class BodyTarget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dynamics:
-    """What a motion of the whole body takes."""
+    """Centre of pressure and torques of a motion of the whole body."""
 
     true_cop: Vector
     """Centre of pressure on the ground [m], shape (2,)."""
     torques: Vector
-    """Of the joints, in Pinocchio's order [N m], shape (nv - 6,)."""
+    """Torques of the joints, in Pinocchio's order [N m], shape (nv - 6,)."""
 
 
 class WholeBody:
@@ -88,7 +88,7 @@ class WholeBody:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of the joints, in Pinocchio's order."""
+        """Names of the joints, in Pinocchio's order."""
         return tuple(self.model.names[2:])
 
     @property
@@ -103,7 +103,7 @@ class WholeBody:
 
     @property
     def mass(self) -> float:
-        """Of all links [kg]."""
+        """Mass of all links [kg]."""
         return float(pin.computeTotalMass(self.model))
 
     def at_rest(self, target: BodyTarget) -> Vector:
@@ -161,12 +161,12 @@ class WholeBody:
         return max(float(np.max(np.abs(task.compute_error(configuration)))) for task in tasks)
 
     def errors(self, q: Vector, com: Vector, feet: Mapping[Side, FootState]) -> tuple[float, float]:
-        """How far the CoM, and the sole that is further off, are from where they should be [m].
+        """Errors of the CoM, and of the sole that is further off [m].
 
         Args:
             q: configuration, shape (nq,).
-            com: where it should be, world frame [m], shape (3,).
-            feet: where they should be.
+            com: target, world frame [m], shape (3,).
+            feet: targets.
         """
         data = self._data_of_dynamics  # the other one is what the inverse kinematics goes on from
         pin.framesForwardKinematics(self.model, data, q)

@@ -1,4 +1,4 @@
-"""From which states steps can still catch the robot: capturability with steps of fixed duration.
+"""Capturability: the states of the DCM from which steps of fixed duration can still catch the robot.
 
     xi = c + dc / omega,    dxi = omega (xi - z),    omega^2 = g / h
 
@@ -6,13 +6,13 @@ The divergent component of motion xi runs away from the centre of pressure z, an
 but z moves it. Over a double support z goes from the old sole to the new one, then it
 stays in the new one until the next touchdown. So the divergent components xi, seen from
 the support foot at a touchdown, from which some sequence of footholds keeps the robot
-up for ever, are a convex set that solves
+up for ever, are a convex set B that solves
 
     a B = (a-1)/2 S + (a+1)/2 R + ((a-1)/2 + (b-1)/b) S' + B'/b
 
 with S the sole, R the foothold region, ' for the other side, a and b the growth of xi over
 a double and a single support, and + the Minkowski sum. The paper's QP does not know
-this set; it tells when a plan of the QP leads out of what any plan could catch.
+this set; leaving it means that no further plan could catch the robot.
 Koolen et al. 2012, "Capturability-based analysis and control of legged locomotion".
 """
 
@@ -42,8 +42,8 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
     """The set B at a touchdown, before the next foothold is chosen, in the frame of each support foot.
 
     Args:
-        sole: where the CoP may be in the left sole [m], shape (V, 2).
-        region: where the left foot may land, in the right foot's frame [m], shape (V, 2).
+        sole: region of the CoP in the left sole [m], shape (V, 2).
+        region: of the left foot, in the right foot's frame [m], shape (V, 2).
         timing: of the steps.
 
     Returns:
@@ -66,12 +66,12 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
 def capture_polygons(
     sole: Matrix, margin: float, region: Matrix, timing: StepTiming, sampling_period: float
 ) -> dict[Side, tuple[HalfPlanes, ...]]:
-    """Where xi may be in the frame of the support foot, by samples that are left of its single support.
+    """Capturable states of the DCM in the frame of each support foot, by the samples left of its single support.
 
     Args:
         sole: outline of the left sole [m], shape (V, 2).
         margin: that the CoP keeps from its edges [m].
-        region: where the left foot may land, in the right foot's frame [m], shape (V, 2).
+        region: of the left foot, in the right foot's frame [m], shape (V, 2).
         timing: of the steps.
         sampling_period: [s].
     """

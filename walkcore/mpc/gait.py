@@ -1,4 +1,4 @@
-"""Which foot carries the robot at each sample of the horizon.
+"""The gait: which stance carries the robot at each sample of the horizon.
 
     Zref = Uc f_support + U f      (20)-(21)
 
@@ -35,13 +35,13 @@ class Timing:
     nb_samples: int
     """N, samples of the horizon."""
     sampling_period: float
-    """T, from one sample to the next, and the double support that begins each step [s]."""
+    """T, between samples, and the duration of the double support that begins each step [s]."""
     control_period: float
-    """From one tick to the next [s]."""
+    """Duration of a tick [s]."""
     step_duration: float
-    """From one touchdown to the next: double support, then single support [s]."""
+    """Time from one touchdown to the next: double support, then single support [s]."""
     initial_double_support_duration: float
-    """On both feet before the first step [s]."""
+    """Time on both feet before the first step [s]."""
 
     @cached_property
     def ticks_per_sample(self) -> int:
@@ -84,7 +84,7 @@ class StanceSequence:
     is_stopping: bool
     """Whether a last step is planned that brings the feet side by side."""
     samples_to_touchdown: NDArray[np.int64]
-    """From each sample to the touchdown that ends its step, shape (N,)."""
+    """Number of samples until the touchdown that ends the step of each sample, shape (N,)."""
 
     def __post_init__(self) -> None:
         for array in (self.foot_of_sample, self.is_double_support, self.samples_to_touchdown):
@@ -145,21 +145,21 @@ class Horizon:
     """The samples to come, as seen from one tick."""
 
     ticks_to_sample: int
-    """From the present to the first sample; the others follow T apart."""
+    """Number of ticks until the first sample; the others follow T apart."""
     time_to_touchdown: float
-    """From the present to the next touchdown [s]; NaN if none is planned."""
+    """Time until the next touchdown [s]; NaN if none is planned."""
     stances: StanceSequence
 
 
 @dataclass(frozen=True, slots=True)
 class GaitState:
-    """Where a gait is at one tick."""
+    """The state of a gait at one tick."""
 
     phase: Phase
     support_side: Side
     """The foot that carries the robot; while standing, the one that will carry the first step."""
     time_to_touchdown: float
-    """Until the foot in the air, or the next one to leave the ground, lands [s]; NaN if none will."""
+    """Time until the foot in the air, or the next one to leave the ground, lands [s]; NaN if none will."""
     steps_to_stand: int
     """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
     swing_progress: float

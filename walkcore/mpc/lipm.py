@@ -97,7 +97,7 @@ class PreviewMatrices:
     """The matrices of (7)-(9) for one axis, and the times of the samples."""
 
     times: Vector
-    """From the present to each sample [s], shape (N,)."""
+    """Time from the present to each sample [s], shape (N,)."""
     Pps: Matrix
     """State to CoM positions, shape (N, 3)."""
     Ppu: Matrix

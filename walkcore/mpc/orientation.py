@@ -15,14 +15,14 @@ MAX_TOE_IN, MAX_TOE_OUT = 0.09, 0.45  # [rad], of a foothold against the one bef
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What the yaws depend on."""
+    """A turn that is commanded, and how far the foot in the air can follow it."""
 
     yaw_rate: float
-    """Asked of the heading [rad/s]."""
+    """Commanded turn of the heading [rad/s]."""
     step_duration: float
     """[s]."""
     swing_reach: float
-    """How far the foot in the air can still turn before it lands [rad]."""
+    """Angle by which the foot in the air can still turn before it lands [rad]."""
 
 
 def foothold_yaws(support: Footstep, swing: Footstep, turn: Turn, nb_footholds: int) -> Sequence[float]:
@@ -31,8 +31,8 @@ def foothold_yaws(support: Footstep, swing: Footstep, turn: Turn, nb_footholds: 
     Args:
         support: foot on the ground.
         swing: foot in the air, with its yaw now.
-        turn: what is asked.
-        nb_footholds: yaws wanted.
+        turn: that is commanded.
+        nb_footholds: number of yaws.
     """
     yaws: list[float] = []
     yaw, side = support.yaw, swing.side
@@ -50,7 +50,7 @@ def turn_of_step(side: Side, heading_change: float) -> float:
 
     Args:
         side: of the foot that lands.
-        heading_change: asked of the heading a step [rad].
+        heading_change: commanded turn of the heading in a step [rad].
     """
     outwards = heading_change * side.sign  # positive when this foot has to toe out
     toe_in = min(abs(outwards), MAX_TOE_IN)

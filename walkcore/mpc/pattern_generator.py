@@ -1,4 +1,4 @@
-"""From the state of the CoM to the motion of the coming two steps: describe, build, solve, read."""
+"""The pattern generator, from the state of the CoM to the plan of two steps: describe, build, solve, read."""
 
 from dataclasses import replace
 from functools import lru_cache

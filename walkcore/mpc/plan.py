@@ -47,9 +47,9 @@ class Plan:
     """The optimum of one tick, in the world frame."""
 
     times: Vector
-    """From the present to each sample [s], shape (N,)."""
+    """Time from the present to each sample [s], shape (N,)."""
     jerks: Matrix
-    """Over each interval [m/s^3], shape (N, 2)."""
+    """Jerk of the CoM over each interval [m/s^3], shape (N, 2)."""
     com: Matrix
     """CoM at each sample [m], shape (N, 2)."""
     dcm: Matrix
@@ -65,7 +65,7 @@ class Plan:
     samples_on_support: int
     """Samples that the support foot carries alone."""
     regions: tuple[Matrix, ...]
-    """Where each foothold may be in the frame of the foot before it [m], shapes (V, 2)."""
+    """Region of each foothold in the frame of the foot before it [m], shapes (V, 2)."""
     bounds: Bounds
     status: Status
     is_capturable: bool
@@ -78,7 +78,7 @@ class Plan:
 
     @property
     def foothold_regions(self) -> tuple[Matrix, ...]:
-        """Corners of where each foothold may be, in the world frame [m], shapes (V, 2)."""
+        """Region of each foothold in the world frame [m], shapes (V, 2)."""
         return tuple(
             before.position + region @ rotation(before.yaw).T
             for before, region in zip(self.predecessors, self.regions, strict=True)

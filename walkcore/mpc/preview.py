@@ -56,7 +56,7 @@ class QPInputs:
     swing: Vector
     """Foot in the air [m], shape (2,)."""
     to_middle: Vector
-    """From the foot to the middle of both, where the feet stand side by side [m], shape (2,)."""
+    """Offset from the foot to the middle of both, where the feet stand side by side [m], shape (2,)."""
     planned_footholds: Matrix
     """Footholds of a planner [m], shape (m, 2); meaningless where the QP is free."""
     reference: Matrix

@@ -71,7 +71,7 @@ class Solver(Protocol):
 
         Args:
             problem: of any size.
-            stages: is told when all is ready for the solver ("assemble") and when the solver is done ("solve").
+            stages: gets a lap when all is ready for the solver ("assemble") and when the solver is done ("solve").
 
         Raises:
             NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.

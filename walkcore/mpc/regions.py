@@ -1,7 +1,7 @@
 """Convex polygons as rows  lower <= n . p <= upper  on a point p of the plane.
 
-Where the centre of pressure may be (26), where a foot may land (section 5) and
-how far it can still fly (30) are all of this form. Opposite parallel edges share
+The support polygon of the CoP (26), the region of a foothold (section 5) and the
+reach of the foot in the air (30) are all of this form. Opposite parallel edges share
 one row with two bounds, which halves the rows of the QP for a rectangular sole.
 """
 
@@ -46,11 +46,11 @@ class HalfPlanes:
 
     @property
     def widths(self) -> Vector:
-        """Between opposite edges [m], shape (E,)."""
+        """Distances between opposite edges [m], shape (E,)."""
         return self.upper - self.lower
 
     def fraction_inside(self, start: Vector, move: Vector) -> float:
-        """How much of a move from a point inside stays inside, in [0, 1]."""
+        """Fraction of a move from a point inside that stays inside, in [0, 1]."""
         at, along = self.normals @ start, self.normals @ move
         room = np.where(along > 0.0, self.upper - at, self.lower - at)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -124,7 +124,7 @@ def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
     """The foothold region of a landing foot in the frame of the support foot, shape (V, 2) [m].
 
     Args:
-        region: where the left foot may land, in the right foot's frame.
+        region: of the left foot, in the right foot's frame.
         landing: side of the landing foot, not of the support.
     """
     return region if landing is Side.LEFT else mirrored(region)

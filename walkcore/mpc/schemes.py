@@ -1,4 +1,4 @@
-"""The schemes that the paper compares: the terms of their objectives, and who decides the footholds.
+"""The schemes that the paper compares: the terms of their objectives, and the authority over the footholds.
 
 A new scheme is an entry here: the command line, the panel and the schema of scenarios read this table.
 """
@@ -12,7 +12,7 @@ from walkcore.mpc.objective import Term, Weights, cop, foothold, jerk, mean_velo
 
 
 class Footholds(Enum):
-    """Who decides where the feet land."""
+    """The authority over the footholds."""
 
     FREE = "the QP"
     ADAPTED = "a planner, and the QP may move them at a cost"

@@ -62,10 +62,15 @@ class Stance:
         """Origin of the sole frame, or the middle between the two, world frame [m], shape (2,)."""
         return freeze(np.mean([foot.position for foot in self.feet], axis=0))
 
+    @property
+    def corners(self) -> Matrix:
+        """Outlines of the soles, one below the other, world frame [m], shape (2 V, 2) or (V, 2)."""
+        return np.vstack([sole_vertices(self.sole, foot) for foot in self.feet])
+
     @cached_property
     def polygon(self) -> Matrix:
         """Corners of the support polygon, counter-clockwise, world frame [m], shape (V, 2)."""
-        return convex_hull(np.vstack([sole_vertices(self.sole, foot) for foot in self.feet]))
+        return convex_hull(self.corners)
 
 
 def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:

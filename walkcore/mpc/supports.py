@@ -15,7 +15,7 @@ from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.orientation import Turn, foothold_yaws
 from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon
 from walkcore.mpc.schemes import Footholds
-from walkcore.mpc.stance import Footstep, Side, sole_vertices
+from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
@@ -32,7 +32,7 @@ TIGHTENING = 0.6  # fraction of the foothold region that a plan which had to be 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkingProblem:
-    """The state of the robot at one tick, and the velocity that is asked of it."""
+    """The state of the robot at one tick, and its reference velocity."""
 
     com: CoMState
     """After any push."""
@@ -44,7 +44,7 @@ class WalkingProblem:
     reference: Reference
     """In the heading frame."""
     heading: float
-    """Of the robot in the world [rad]."""
+    """Heading of the robot in the world [rad]."""
 
 
 @dataclass(frozen=True, eq=False)  # no slots: the edges are laid side by side once
@@ -55,28 +55,28 @@ class Supports:
     """
 
     cop_polygons: tuple[HalfPlanes, ...]
-    """Where the CoP may be relative to the centre of each stance, by the numbers of `stance_of_sample`."""
+    """Polygons of the CoP around the centre of each stance, by the numbers of `stance_of_sample`."""
     foothold_regions: tuple[HalfPlanes, ...]
-    """Where each foothold that the QP chooses may be relative to its predecessor."""
+    """Region of each foothold that the QP chooses, around its predecessor."""
     flight: HalfPlanes
     """The foothold of the foot in the air relative to that foot if no time is left: a point, see `reach`."""
     region_vertices: tuple[Matrix, ...]
     """Region of each foothold in the frame of its predecessor [m], shapes (V, 2)."""
     to_middle: Vector
-    """From the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
+    """Offset from the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
     viable_at_next_sample: HalfPlanes | None
-    """Where the DCM may be at the first sample relative to the centre of its stance, if steps that keep all margins
-    are to catch the robot; None where a stand turns into a walk or a walk into a stand."""
+    """States of the DCM at the first sample, around the centre of its stance, from which steps that keep all margins
+    catch the robot; None where a stand turns into a walk or a walk into a stand."""
     terminal_set_tight: HalfPlanes
-    """Where the DCM should be at the last sample, for steps that keep all margins and part of their regions."""
+    """States of the DCM at the last sample from which steps within all margins and part of their regions catch it."""
     terminal_set: HalfPlanes
-    """Where the DCM must be at the last sample, for steps that use the whole soles."""
+    """States of the DCM at the last sample from which steps catch it that use the whole soles."""
     sides: tuple[Side, ...]
     """Sides of the m footholds, and of the one that ends a stop."""
     yaws: tuple[float, ...]
     """Yaws of the same [rad]."""
     stopping_offset: Vector | None
-    """From the last of the m footholds, or the support foot if m = 0, to the one that ends a stop [m], shape (2,)."""
+    """Offset from the last of the m footholds, or the support foot, to the one that ends a stop [m], shape (2,)."""
 
     @cached_property
     def edges(self) -> HalfPlanes:
@@ -102,8 +102,8 @@ class SupportGeometry:
         """
         p = parameters
         self._robot, self._parameters = robot, p
-        at_origin = {side: Footstep(side, np.zeros(2), 0.0) for side in Side}
-        self._soles = {side: polygon(sole_vertices(robot.sole, at_origin[side])).inset(p.cop_margin) for side in Side}
+        at_origin = {side: Stance((Footstep(side, np.zeros(2), 0.0),), robot.sole) for side in Side}
+        self._soles = {side: polygon(stance.corners).inset(p.cop_margin) for side, stance in at_origin.items()}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._region_vertices = {
             side: [foothold_vertices(region.vertices, side) for region in robot.foothold_regions] for side in Side
@@ -194,7 +194,7 @@ class SupportGeometry:
         x, y, other_yaw = other
         feet = Footstep(side, np.zeros(2), yaw), Footstep(side.other, np.array([x, y]), other_yaw)
         to_middle = feet[1].position / 2
-        both = polygon(np.vstack([sole_vertices(self._robot.sole, foot) for foot in feet]) - to_middle)
+        both = polygon(Stance(feet, self._robot.sole).corners - to_middle)
         inner = both.inset(self._parameters.cop_margin)
         viable = supports.viable_at_next_sample
         if stances.is_double_support.all():
@@ -213,6 +213,6 @@ class SupportGeometry:
 
 
 def _viable(sets: Mapping[Side, tuple[HalfPlanes, ...]], sample: SampleStance, feet: Feet) -> HalfPlanes:
-    """Where the DCM may be at a sample, relative to the foot that carries it."""
+    """States of the DCM at a sample from which it can be caught, around the foot that carries the sample."""
     side, yaw = feet[sample.foot]
     return sets[side][min(sample.samples_to_touchdown, len(sets[side]) - 1)].rotated(yaw)

@@ -1,4 +1,4 @@
-"""What changes at one time of a scripted walk, and the commands that come of it tick by tick."""
+"""Events of a scripted walk, and the commands that follow from them tick by tick."""
 
 import math
 from collections import deque
@@ -11,16 +11,16 @@ from walkcore.parameters import Parameters
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """What changes at one time. The reference and the parameters hold until the next event that has some."""
+    """Changes at one time. The reference and the parameters hold until the next event that has some."""
 
     t: float
-    """From the beginning of the scenario [s]."""
+    """Time from the beginning of the scenario [s]."""
     reference: Reference | None = None
     over: float = 0.0
-    """How long the reference takes to get there, in a straight line from the one before; zero at once [s]."""
+    """Duration in which the reference gets there, in a straight line from the one before; zero at once [s]."""
     push: Push | None = None
     parameters: Parameters | None = None
-    """All of them, from then on."""
+    """All parameters, from then on."""
 
     def tick(self, control_period: float) -> int:
         """The first tick of the scenario that is not before the event."""

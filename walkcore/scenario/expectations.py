@@ -1,4 +1,4 @@
-"""What a scenario promises of its walk: bounds on metrics, which make it a test."""
+"""Expectations of a scenario: bounds on metrics, which make it a test."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ METRICS: Mapping[str, str] = MappingProxyType(
         "cop_error": "from the model's CoP to the true one, largest [m]",
         "cop_error_p95": "the same, 95th percentile [m]",
         "cop_error_median": "the same, median [m]",
-        "com_error": "of the inverse kinematics, from the CoM asked of the body to its own, largest [m]",
+        "com_error": "of the inverse kinematics, from the requested CoM of the body to the reached one, largest [m]",
         "sole_error": "the same of the soles, largest [m]",
         "torque_use": "torque over its limit, of all joints the largest",
         "torque_use_p99": "the same, 99th percentile of the joint that has the highest",
@@ -39,12 +39,12 @@ METRICS: Mapping[str, str] = MappingProxyType(
         "speed_use_p99": "the same, 99th percentile of the joint that has the highest",
     }
 )
-"""Names of the numbers that can be bounded, and what they are; null where a walk has none."""
+"""Metrics that can be bounded, with their meanings; null where a walk has none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of an expectation."""
+    """The verdict on an expectation."""
 
     name: str
     bound: float | bool
@@ -58,7 +58,7 @@ class Expectation:
     """One bound: `max_` or `min_` of a metric, or whether the robot stays on its feet."""
 
     name: str
-    """As it stands in the scenario."""
+    """The key in the scenario."""
     bound: float | bool
 
     def verdict(self, metrics: Mapping[str, Any]) -> Verdict:

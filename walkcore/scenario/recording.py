@@ -1,4 +1,4 @@
-"""What a walk leaves behind: one row a tick, and all that is needed to check it from outside."""
+"""The recording of a walk: one row a tick, and all that is needed to check it from outside."""
 
 import json
 import math
@@ -74,7 +74,7 @@ class Recording:
     parameter_changes: tuple[Mapping[str, Any], ...]
     """`tick` of the recording from which on some `parameters` have other values, in the order of time."""
     reason: str
-    """Why the robot fell, if it did."""
+    """Reason of the fall; empty if there was none."""
     body_use: BodyUse | None
     """None for a robot without a body."""
 
@@ -83,15 +83,15 @@ class Recording:
         return self.rows[:, self.columns.index(column)]
 
     def metrics(self) -> dict[str, Any]:
-        """What a reader asks of a walk first."""
+        """The metrics of the walk."""
         return metrics(self)
 
     def verdicts(self) -> list[Verdict]:
-        """What became of the scenario's expectations."""
+        """The verdicts on the scenario's expectations."""
         return _verdicts(self.scenario, self.metrics())
 
     def run(self) -> dict[str, Any]:
-        """What run.json says, as plain values: the same for every walk of the scenario, wherever and whenever."""
+        """The content of run.json, as plain values: the same for every walk of the scenario, wherever and whenever."""
         measured = self.metrics()
         return {
             "scenario": self.scenario.source,
@@ -168,20 +168,20 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
         progress: called with the fraction done, about a hundred times.
 
     Raises:
-        InverseKinematicsError: if the body cannot stand at the CoM height asked for.
+        InverseKinematicsError: if the body cannot stand at this CoM height.
     """
     simulation = Simulation(scenario.robot, scenario.parameters)
     if scenario.initial_state is not None:
         simulation.restore(scenario.initial_state)
     every = max(scenario.nb_ticks // 100, 1)
 
-    def told() -> Iterator[Snapshot]:
+    def walked() -> Iterator[Snapshot]:
         for tick, snapshot in enumerate(_walked(simulation, scenario), 1):
             if progress is not None and tick % every == 0:
                 progress(tick / scenario.nb_ticks)
             yield snapshot
 
-    return collect(scenario, told(), simulation.body)
+    return collect(scenario, walked(), simulation.body)
 
 
 def _walked(simulation: Simulation, scenario: Scenario) -> Iterator[Snapshot]:

@@ -1,4 +1,4 @@
-"""A scripted walk, read from YAML or from its JSON equivalent: a robot, what is asked of it, and what is expected."""
+"""A scripted walk, read from YAML or from its JSON equivalent: a robot, commands, and expectations."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -26,21 +26,21 @@ KEYS = {"name", "description", "robot", "duration", "parameters", "initial_state
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenario:
-    """A robot, its parameters, and what is asked of it."""
+    """A robot, its parameters, and the commands to it."""
 
     name: str
     robot: Robot
     duration: float
     """[s]."""
     parameters: Parameters
-    """At the beginning."""
+    """Parameters at the beginning."""
     events: tuple[Event, ...]
     """In the order of their times, which count from the beginning of the scenario."""
     source: Mapping[str, Any]
     """The mapping that it was read from."""
     description: str = ""
     initial_state: SimulationState | None = None
-    """Where the walk begins; None at rest at the origin, at tick 0."""
+    """State in which the walk begins; None at rest at the origin, at tick 0."""
     expectations: tuple[Expectation, ...] = ()
 
     @property
@@ -105,7 +105,7 @@ def scenario_from_mapping(data: Any) -> Scenario:
     check_keys("scenario", data, KEYS)
     for key in ("name", "description"):
         check_text(key, data.get(key, ""))
-    robot = load_robot(str(data.get("robot", "talos")))  # what is no name at all is told as an unknown one
+    robot = load_robot(str(data.get("robot", "talos")))  # a value that is no name is refused as an unknown one
     values = check_mapping("parameters", _given(data, "parameters", {}))
     parameters = _fitting(Parameters.from_mapping(values), robot)
     duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)
@@ -127,7 +127,7 @@ def scenario_from_mapping(data: Any) -> Scenario:
 
 
 def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
-    """What stands there; a key with nothing behind it, which YAML reads as null, is as good as none."""
+    """The value of a key; a key with nothing behind it, which YAML reads as null, has the default."""
     value = data.get(key)
     return default if value is None else value
 

@@ -27,15 +27,15 @@ def session_scenario(
         changes: parameters that came into force just before a command, by its index.
     """
     events: list[dict[str, Any]] = []
-    asked, in_force = Reference(), parameters
+    reference, in_force = Reference(), parameters
     for index, command in enumerate(commands):
         event: dict[str, Any] = {}
         if index in changes:
             event["parameters"] = _difference(in_force, changes[index])
             in_force = changes[index]
-        if command.reference != asked:
-            asked = command.reference
-            event["reference"] = {"vx": asked.vx, "vy": asked.vy, "yaw_rate": asked.yaw_rate}
+        if command.reference != reference:
+            reference = command.reference
+            event["reference"] = {"vx": reference.vx, "vy": reference.vy, "yaw_rate": reference.yaw_rate}
         if command.push is not None:
             event["push"] = _push(command.push)
         if event:
@@ -51,7 +51,7 @@ def session_scenario(
 
 
 def _difference(before: Parameters, after: Parameters) -> dict[str, Any]:
-    """What `after` has another value for."""
+    """The parameters that have another value after a change."""
     old = before.to_mapping()
     return {name: value for name, value in after.to_mapping().items() if value != old[name]}
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Push, Reference, Simulation, load_robot
-from walkcore.analysis.push_follower import Moment, PushFollower, moment_of
+from walkcore.analysis.push_recovery import BalanceState, PushRecoveryMonitor, balance_state
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Footstep, Side
@@ -14,16 +14,16 @@ STEP = 0.8  # [s]
 NOTHING = np.zeros(2)
 
 
-def steps(offsets, push_at=math.nan, statuses=(), of=("com", "capture_point")):
+def steps(offsets, push_at=math.nan, statuses=(), of=("com", "dcm")):
     """A walk sideways in steps, three moments each; these points are so far off their places [m] at the touchdowns."""
     for k, offset in enumerate(offsets):
         side = Side(k % 2)
         foot = Footstep(side, np.array([0.2 * k, side.sign * 0.1]), 0.0)
-        landing = Moment(
+        landing = BalanceState(
             t=k * STEP,
             push=NOTHING,
             com=foot.position + [0.0, offset * ("com" in of)],
-            capture_point=foot.position + [0.1, -side.sign * 0.1 + offset * ("capture_point" in of)],
+            dcm=foot.position + [0.1, -side.sign * 0.1 + offset * ("dcm" in of)],
             cop=foot.position,
             support=foot,
             phase=Phase.DOUBLE_SUPPORT,
@@ -36,14 +36,14 @@ def steps(offsets, push_at=math.nan, statuses=(), of=("com", "capture_point")):
 
 
 def followed(moments):
-    follower = PushFollower()
+    monitor = PushRecoveryMonitor()
     for moment in moments:
-        follower.see(moment)
-    return follower.last
+        monitor.update(moment)
+    return monitor.last
 
 
-@pytest.mark.parametrize("of", [("com",), ("capture_point",)])
-def test_a_walk_has_recovered_once_com_and_capture_point_are_at_a_touchdown_where_they_were_before(of):
+@pytest.mark.parametrize("of", [("com",), ("dcm",)])
+def test_a_walk_has_recovered_once_com_and_dcm_are_at_a_touchdown_where_they_were_before(of):
     last = followed(steps([0, 0, 0, 0, 0.10, 0.06, 0.03, 0.01, 0.0], push_at=3 * STEP + 0.3, of=of))
     assert (last.survived, last.steps, last.impulse) == (True, 4, (0.0, 5.0))
     assert last.time == pytest.approx(7 * STEP - 3 * STEP - 0.3)
@@ -69,9 +69,9 @@ def test_who_falls_has_not_survived():
     assert (last.survived, last.time) == (False, None)
 
 
-def standing(t, com, capture_point, cop, push=0.0, status=Status.SOLVED):
-    along = [np.array([x, 0.0]) for x in (push, com, capture_point, cop)]
-    return Moment(t, *along, Footstep(Side.LEFT, NOTHING, 0.0), Phase.STANDING, status)
+def standing(t, com, dcm, cop, push=0.0, status=Status.SOLVED):
+    along = [np.array([x, 0.0]) for x in (push, com, dcm, cop)]
+    return BalanceState(t, *along, Footstep(Side.LEFT, NOTHING, 0.0), Phase.STANDING, status)
 
 
 def test_a_robot_that_stands_has_recovered_once_it_rests_wherever_that_is():
@@ -103,22 +103,22 @@ def test_a_touchdown_during_a_long_push_is_no_recovery():
     assert (last.survived, last.steps) == (True, 2)
 
 
-def test_the_capture_point_of_a_moment_is_that_before_its_push():
+def test_the_dcm_of_a_moment_is_that_before_its_push():
     simulation = Simulation(load_robot("hrp2"))
     for _ in range(10):
         simulation.step(Command(Reference(vx=0.2)))
-    found = [moment_of(simulation.preview(Command(push=push)), 56.0) for push in (None, Push([0.0, 8.0]))]
+    found = [balance_state(simulation.preview(Command(push=push)), 56.0) for push in (None, Push([0.0, 8.0]))]
     assert found[1].push.tolist() == [0.0, 8.0]
-    assert found[1].capture_point == pytest.approx(found[0].capture_point, abs=1e-12)
+    assert found[1].dcm == pytest.approx(found[0].dcm, abs=1e-12)
 
 
 def test_another_push_leaves_the_first_one_open():
     moments = list(steps([0, 0, 0.1, 0.1, 0, 0], push_at=STEP + 0.3))
     moments[7] = replace(moments[7], push=np.array([1.0, 0.0]))
-    follower, seen = PushFollower(), {}
+    monitor, seen = PushRecoveryMonitor(), {}
     for moment in moments:
-        follower.see(moment)
-        if follower.last is not None:
-            seen[follower.last.t] = follower.last
+        monitor.update(moment)
+        if monitor.last is not None:
+            seen[monitor.last.t] = monitor.last
     first, second = seen.values()
     assert first.survived is None and second.survived is True
