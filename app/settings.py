@@ -1,4 +1,7 @@
-"""What may be set from outside. The only reader of the environment and of the size of the machine."""
+"""Settings from outside: the only reader of the environment and of the size of the machine.
+
+Whatever starts a process imports this before numpy: the algebra library reads the number of its threads when it loads.
+"""
 
 import os
 from pathlib import Path
@@ -7,14 +10,22 @@ from typing import Literal
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+# The matrices of the walk are small: threads of the algebra library only fight with each other over them.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def process_environment() -> dict[str, str]:
+    """The environment of a process that is started from here."""
+    return dict(os.environ)
+
 
 def usable_cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 class Settings(BaseSettings):
-    """Each field is an environment variable of the same name in capitals: HOST, PORT, ROBOT, RUNS_KEPT, WALK_DATA."""
+    """Settings of the server: each field is an environment variable of the same name in capitals (HOST, RUNS_KEPT)."""
 
     model_config = SettingsConfigDict(extra="ignore")
 
@@ -25,11 +36,11 @@ class Settings(BaseSettings):
     robot: str = "talos"
     """Robot that walks on the page."""
     scene: Literal["full", "light"] = "full"
-    """Light, with coarser meshes and no shadows, where browsers render without a graphics card."""
+    """Detail of the scene: light has coarser meshes and no shadows, for browsers without a graphics card."""
     walk_token: SecretStr = SecretStr("")
-    """Asked for by page, sockets and API; nothing is asked where it is empty."""
+    """Token that page, sockets and API require; empty requires none."""
     walk_data: Path = Path("~/.local/share/walk")
-    """Folder where runs are kept; one server each."""
+    """Folder where runs are kept; each server needs its own."""
     runs_workers: int = Field(default_factory=lambda: max(1, usable_cores() - 1), ge=1, le=256)
     """Runs that are simulated at once; by default a core is left to the live walk."""
     runs_queued: int = Field(default=64, ge=1)
@@ -37,10 +48,10 @@ class Settings(BaseSettings):
     runs_kept: int = Field(default=200, ge=1)
     """Ended runs that are kept; the oldest go first."""
     runs_bytes: int = Field(default=2_000_000_000, ge=0)
-    """Size of all their files; the oldest go first, the latest never."""
+    """Total size of the files of all runs [bytes]; the oldest runs go first, the latest never."""
     runs_max_duration: float = Field(default=600.0, gt=0.0, le=3600.0)
-    """Of one run [s]."""
+    """Longest run [s]."""
     runs_max_ticks: int = Field(default=120_000, ge=1)
-    """Of one run."""
+    """Most ticks of one run."""
     runs_max_events: int = Field(default=1000, ge=0)
-    """Of one run."""
+    """Most events of one run."""

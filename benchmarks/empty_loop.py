@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from multiprocessing.sharedctypes import SynchronizedArray
 from typing import Any
 
-from app.live.pace import LATENESS_EDGES, Pace
-from app.live.process import take_precedence
+from app.live.process import request_real_time_priority
+from app.live.tick_scheduler import LATENESS_EDGES, TickScheduler
 
 PERIOD = 0.005  # [s]
 
@@ -42,8 +42,8 @@ def empty_loop() -> Iterator[EmptyLoop]:
 
 
 def _run(counts: "SynchronizedArray[int]") -> None:
-    take_precedence()
-    pace = Pace(PERIOD)
+    request_real_time_priority()
+    pace = TickScheduler(PERIOD)
     while True:
         time.sleep(max(pace.time_left, 0.0))
         pace.begin()

@@ -21,8 +21,8 @@ import numpy as np
 import zstandard
 from viser_client import scene
 
-from app.live.pace import Pace
 from app.live.runner import LiveState
+from app.live.tick_scheduler import TickScheduler
 from app.viewer import Viewer
 from app.viewer.scene.scene import Scene
 from app.viewer.transport.audience import Audience
@@ -38,7 +38,7 @@ JOIN_SECONDS = 4.0  # that the one more is watched, and the others meanwhile
 class Replay:
     """In place of the runner: a walk that was recorded before, over and over."""
 
-    helm = ("rest", "")
+    active_driver = ("rest", "")
     """Who drives, and from which browser."""
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Replay:
         reference = Reference(vx=0.25, yaw_rate=0.1)
         nb_ticks = round(WALK_SECONDS / self.parameters.control_period)
         self._snapshots = [simulation.step(Command(reference)) for _ in range(nb_ticks)]
-        self._first = LiveState(self._snapshots[0], Pace(self.parameters.control_period).timing, True, "rest")
+        self._first = LiveState(self._snapshots[0], TickScheduler(self.parameters.control_period).timing, True, "rest")
 
     @property
     def latest(self) -> LiveState:

@@ -1,9 +1,9 @@
-"""What the control loop does, tick by tick, without a process around it."""
+"""The control loop, tick by tick, without a process around it."""
 
 import pytest
 
-from app.live.control import NOBODY, Control, Drive, NotPausedError
-from app.live.state import LiveState, RandomPushes
+from app.live.control import Control, NotPausedError
+from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
@@ -98,12 +98,12 @@ def test_steps_and_samples_are_taken_only_while_paused(control, clock):
 
 def test_a_reference_expires_on_the_wall_and_a_held_one_does_not(control, clock):
     control.set_speed(0.1)
-    control.drive(Drive(Reference(vx=0.1), "joystick", expires_after=0.4, client="me"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.1), "joystick", expires_after=0.4, client="me"))
     walk(control, clock, 2)
     assert (control.latest.driver, control.latest.driver_client) == ("joystick", "me")
     walk(control, clock, 2)
     assert control.latest.driver == "none" and control.latest.snapshot.reference.is_zero
-    control.drive(Drive(Reference(vx=0.1), "rest"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.1), "rest"))
     walk(control, clock, 200)
     assert control.latest.driver == "rest" and control.latest.snapshot.reference.vx == 0.1
 
@@ -117,14 +117,14 @@ def test_a_refused_change_changes_nothing(control):
     assert control.change({"cop_margin": 0.02}).cop_margin == 0.02 == control.parameters.cop_margin
 
 
-def test_reset_forgets_what_was_asked_and_what_came(control, clock):
-    control.drive(Drive(Reference(vx=0.2), "rest"))
+def test_reset_forgets_references_and_pushes(control, clock):
+    control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     walk(control, clock, 75)
     control.push(Push([0.0, 3.0]))
     walk(control, clock, 10)
     control.push(Push([0.0, 3.0]))
     state = control.reset()
-    assert (state.snapshot.tick, state.driver, state.real_t) == (0, NOBODY.driver, 0.0)
+    assert (state.snapshot.tick, state.driver, state.real_t) == (0, NO_REFERENCE.driver, 0.0)
     assert state.last_push is None and not state.snapshot.push.any()
     assert state.running and control.time_left == 0.0
 
@@ -138,7 +138,7 @@ def test_speed_sets_how_often_ticks_come(control, clock):
 
 
 def test_a_preview_is_of_the_reference_in_force_and_all_at_once(control, clock):
-    control.drive(Drive(Reference(vx=0.2), "rest"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     walk(control, clock, 75)
     slow, sudden = (control.preview(Push([0.0, 6.0], duration)) for duration in (0.5, 0.0))
     assert slow.push.tolist() == sudden.push.tolist() == pytest.approx([0.0, 6.0])
@@ -180,7 +180,7 @@ def follow(control: Control, clock: Clock, push: Push, nb_ticks: int = 400) -> l
 
 
 def test_a_push_that_is_caught_is_told_with_its_steps(control, clock):
-    control.drive(Drive(Reference(vx=0.2), "rest"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     walk(control, clock, 300)
     story = follow(control, clock, Push([0.0, 12.0]))
     assert story[0].t == 301 * PERIOD and story[0].impulse == pytest.approx((0.0, 12.0))

@@ -1,6 +1,9 @@
 """Imports go down the layers only."""
 
 import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -84,12 +87,58 @@ def test_every_layer_exists():
             assert place.with_suffix(".py").exists() or place.is_dir(), name
 
 
-def test_only_the_settings_read_the_environment():
-    readers = [
-        path.name for path in modules("app") if "getenv" in path.read_text() or "os.environ[" in path.read_text()
-    ]
-    assert readers == []
+SYSTEM = {"environ", "environb", "getenv", "cpu_count", "process_cpu_count", "sched_getaffinity", "cpu_affinity"}
+
+
+def names(path: Path) -> set[str]:
+    """Every attribute and variable that a file reads or writes, and every name that it imports."""
+    found = {name.rpartition(".")[2] for name in imports(path)}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, (ast.Attribute, ast.Name)):
+            found.add(node.attr if isinstance(node, ast.Attribute) else node.id)
+    return found
+
+
+def test_only_the_settings_read_the_environment_and_the_size_of_the_machine():
+    readers = [path.name for path in modules("app") if SYSTEM & names(path)]
+    assert readers == ["settings.py"]
     assert [path.name for path in modules("app") if "pydantic_settings" in str(imports(path))] == ["settings.py"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "os.environ['A']",
+        "os.environ.get('A')",
+        "os.environ.setdefault('A', '')",
+        "os.getenv('A')",
+        "from os import environ as e",
+        "os.cpu_count()",
+        "multiprocessing.cpu_count()",
+        "len(os.sched_getaffinity(0))",
+    ],
+)
+def test_every_way_to_the_environment_and_the_size_of_the_machine_is_seen(tmp_path, line):
+    (tmp_path / "reader.py").write_text(line)
+    assert SYSTEM & names(tmp_path / "reader.py")
+
+
+# Prints the number of threads that numpy finds when it is first looked for.
+WATCHING_NUMPY = """
+import os, sys
+class Watch:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy":
+            print(os.environ.get("OPENBLAS_NUM_THREADS"))
+sys.meta_path.insert(0, Watch())
+import app.commands.cli
+"""
+
+
+def test_the_algebra_library_has_one_thread_when_numpy_loads():
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    found = subprocess.run([sys.executable, "-c", WATCHING_NUMPY], env=environment, capture_output=True, text=True)
+    assert found.stdout.split()[:1] == ["1"], found.stderr
 
 
 def test_only_one_file_knows_solvers():

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from app.http.schemas import live_json
-from app.live.control import Control, Drive
-from app.live.state import LiveState
+from app.live.control import Control
+from app.live.live_state import LiveState, ReferenceCommand
 from walkcore import Parameters, Push, Reference, load_robot
 from walkcore.mpc.plan import Status
 
@@ -28,7 +28,7 @@ def test_every_state_of_a_walk_that_ends_on_the_ground_can_be_encoded(name):
     control.start()
     for tick in range(400):
         if tick == 20:
-            control.drive(Drive(Reference(0.1, 0.05, 0.1), "rest"))
+            control.set_reference(ReferenceCommand(Reference(0.1, 0.05, 0.1), "rest"))
         if tick in (100, 101, 300):
             control.push(Push([0.0, 10.0 if tick < 300 else 120.0], 0.1 if tick == 101 else 0.0))
         clock.now += max(control.time_left, 0.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import psutil
 import pytest
 
-from app.live.runner import NoAnswerError, NotPausedError, Runner
+from app.live.runner import NoResponseError, NotPausedError, Runner
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 
@@ -43,7 +43,7 @@ def runner(process) -> Runner:
     return process
 
 
-def test_reset_and_step_answer_with_the_state_that_they_lead_to(runner):
+def test_reset_and_step_return_the_state_that_they_lead_to(runner):
     with pytest.raises(NotPausedError):
         runner.step(1).result(PATIENCE)
     runner.pause()
@@ -53,24 +53,24 @@ def test_reset_and_step_answer_with_the_state_that_they_lead_to(runner):
     assert runner.latest.snapshot.tick == 40
 
 
-def test_wish_that_nobody_waits_for_any_more_is_harmless(runner):
-    wishes = [runner.pause(), runner.step(1), runner.resume()]
-    for wish in wishes:
-        wish.cancel()
+def test_request_that_nobody_waits_for_any_more_is_harmless(runner):
+    requests = [runner.pause(), runner.step(1), runner.resume()]
+    for request in requests:
+        request.cancel()
     tick = runner.latest.snapshot.tick
     wait_for(lambda: runner.latest.running and runner.latest.snapshot.tick > tick + 5)
 
 
-def test_who_drives_is_told_until_it_expires(runner):
+def test_the_active_driver_is_known_until_its_reference_expires(runner):
     runner.drive(Reference(vx=0.1), "joystick", expires_after=0.3, client="me")
-    assert runner.helm == ("joystick", "me")
+    assert runner.active_driver == ("joystick", "me")
     wait_for(lambda: (runner.latest.driver, runner.latest.driver_client) == ("joystick", "me"))
     wait_for(lambda: runner.latest.driver == "none")
-    assert runner.latest.snapshot.reference.is_zero and runner.helm == ("none", "")
+    assert runner.latest.snapshot.reference.is_zero and runner.active_driver == ("none", "")
     runner.drive(Reference(vx=0.1), "sliders")
     wait_for(lambda: runner.latest.driver == "sliders")
     runner.reset().result(PATIENCE)
-    assert runner.helm == ("none", "")
+    assert runner.active_driver == ("none", "")
 
 
 def test_push_begins_once(runner):
@@ -106,7 +106,7 @@ def test_what_is_beyond_the_limits_does_not_get_in(runner, beyond):
         lambda runner: runner.preview(Push([1e4, 0.0])),
     ],
 )
-def test_wishes_beyond_their_limits_are_refused_at_once(runner, ask):
+def test_requests_beyond_their_limits_are_refused_at_once(runner, ask):
     with pytest.raises(InvalidValueError):
         ask(runner)
 
@@ -153,7 +153,7 @@ def test_a_robot_that_cannot_stand_is_told_to_whoever_asks():
         runner.wait()
     with pytest.raises(WalkError):
         _ = runner.latest
-    with pytest.raises((NoAnswerError, WalkError)):
+    with pytest.raises((NoResponseError, WalkError)):
         runner.pause().result(PATIENCE)
     runner.stop()
 
@@ -174,7 +174,7 @@ def test_death_of_the_control_process_is_told_and_a_reset_starts_another(mortal)
     wait_for(lambda: mortal.latest.fault != "")
     state = mortal.latest
     assert "SIGKILL" in state.fault and not state.running and state.snapshot.tick >= tick
-    with pytest.raises(NoAnswerError):
+    with pytest.raises(NoResponseError):
         mortal.pause().result(PATIENCE)
     mortal.drive(Reference(vx=0.1), "rest")
     again = mortal.reset()
@@ -225,7 +225,7 @@ def test_the_control_process_imports_nothing_of_the_web():
     assert "walkcore" in loaded and loaded & {"fastapi", "uvicorn", "viser", "pydantic", "starlette"} == set()
 
 
-def test_a_saved_session_crosses_processes_in_parts(runner):
+def test_a_saved_session_crosses_processes_in_chunks(runner):
     runner.pause().result(PATIENCE)
     runner.reset().result(PATIENCE)
     runner.drive(Reference(vx=0.2), "rest")

@@ -15,8 +15,8 @@ import viser
 import zstandard
 from websockets.asyncio.client import connect
 
-from app.live.pace import Pace
 from app.live.runner import LiveState
+from app.live.tick_scheduler import TickScheduler
 from app.viewer import Viewer
 from app.viewer.transport.stream import Stream
 from app.viewer.transport.wire import Encoder
@@ -91,7 +91,7 @@ class Replay:
         self.defaults = self.parameters
         simulation = Simulation(self.robot, self.parameters)
         self._snapshots = [simulation.step(Command(Reference(vx=0.2))) for _ in range(400)]
-        self._state = LiveState(self._snapshots[0], Pace(0.005).timing, True, "rest")
+        self._state = LiveState(self._snapshots[0], TickScheduler(0.005).timing, True, "rest")
         self.looks = 0
 
     @property

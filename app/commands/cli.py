@@ -1,11 +1,11 @@
 """Make a humanoid walk by linear MPC: serve it on a page, or simulate scenarios."""
 
-import os
+from app.settings import Settings, usable_cores  # first: it sets what numpy reads when it loads
 
-# The matrices of the walk are small: threads of the algebra library only fight with each other over them.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# isort: split
 
 import logging
+import os
 import signal
 import sys
 from dataclasses import dataclass, field
@@ -17,7 +17,6 @@ import tyro
 from pydantic import ValidationError
 
 from app.commands.runs import Compare, Report, Run, Scenarios
-from app.settings import Settings
 from walkcore import Parameters, WalkError, load_robot, robot_names
 
 
@@ -74,7 +73,6 @@ class Footholds:
         """Try, sum up, write and tell."""
         from app.footholds.report import summary, write  # draws: a library that takes a second to load
         from app.footholds.study import study
-        from app.settings import usable_cores
 
         found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
         write(found, self.out)

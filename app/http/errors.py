@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
 from app.http.schemas import ErrorBody, FieldError
-from app.live.runner import NoAnswerError, NothingToSaveError, NotPausedError
+from app.live.runner import NoResponseError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError, WalkError
 
@@ -30,7 +30,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
     app.add_exception_handler(NothingToSaveError, _refuse_now)
-    app.add_exception_handler(NoAnswerError, _cannot_answer)
+    app.add_exception_handler(NoResponseError, _cannot_answer)
     app.add_exception_handler(NoRecordingError, _refuse_now)
     app.add_exception_handler(UnknownRunError, _refuse_unknown)
     app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)

@@ -13,9 +13,9 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
-from app.live.pace import LATENESS_EDGES, Timing
+from app.live.live_state import LiveState
 from app.live.runner import Runner
-from app.live.state import LiveState
+from app.live.tick_scheduler import LATENESS_EDGES, Timing
 
 SERVER = psutil.Process()
 

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.drawing.outlines import foothold_regions, is_caught, support_polygon
-from app.live.pace import LATENESS_EDGES, Timing
 from app.live.runner import INTERVALS, SPEEDS, LiveState
+from app.live.tick_scheduler import LATENESS_EDGES, Timing
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.scenario.recording import row
 
@@ -85,12 +85,14 @@ class TeleopMessage(Body):
 
     reference: ReferenceBody | None = None
     push: PushBody | None = None
-    driver: Literal["joystick", "keyboard", "gamepad", "button"] = Field(default="joystick", description="In the hand.")
-    grip: int | None = Field(
+    driver: Literal["joystick", "keyboard", "gamepad", "button"] = Field(default="joystick", description="The control.")
+    engagement: int | None = Field(
         default=None,
         ge=0,
-        description="Grows each time the hand takes hold anew. A reference from an older grip than another hand's "
-        "is ignored while that one drives; without a number each message takes hold.",
+        validation_alias=AliasChoices("engagement", "grip"),
+        description="Number of the current hold of the control, which grows each time it is taken hold of. References "
+        "from an older hold than another client's are ignored while that client drives; without a number each message "
+        "takes hold. `grip` is its deprecated name, still accepted.",
     )
 
 

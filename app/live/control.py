@@ -1,21 +1,22 @@
-"""The control loop's work: ticks the simulation and grants what is wished of it between two ticks.
+"""The control loop's work: ticks the simulation, and carries out the server's requests between two ticks.
 
-Knows neither processes nor waiting, so that all of it can be tested tick by tick: `app.live.process`
-calls `tick` when one is due.
+It knows neither processes nor waiting, so that all of it can be tested tick by tick: `app.live.process` calls `tick`
+when one is due.
 """
 
 import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from app.live.pace import Pace
-from app.live.random_pushes import RandomPusher
-from app.live.session import SessionLog
-from app.live.state import Counts, LiveState, RandomPushes
-from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
+import numpy as np
+
+from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
+from app.live.session_log import SessionLog
+from app.live.tick_scheduler import TickScheduler
+from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.mpc.plan import Status
 from walkcore.stages import Stopwatch
@@ -24,30 +25,18 @@ logger = logging.getLogger(__name__)
 
 
 class NotPausedError(Exception):
-    """Single ticks were asked of a robot that is running."""
+    """Single ticks were requested of a robot that is running."""
 
 
 class NothingToSaveError(Exception):
     """There was no walk before the last reset."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Drive:
-    """A reference, whose it is, and how long it holds."""
-
-    reference: Reference
-    driver: str
-    expires_after: float = math.inf
-    """[s]."""
-    client: str = ""
-    """The browser whose it is."""
-
-
-NOBODY = Drive(Reference(), "none")
-
-
 class Control:
-    """One robot that walks as it is told. Belongs to one thread."""
+    """One robot that walks as it is commanded. Belongs to one thread.
+
+    The methods that return a `LiveState` are requests of the server, and return the state that they lead to.
+    """
 
     def __init__(
         self,
@@ -61,8 +50,8 @@ class Control:
         Args:
             robot: to walk.
             parameters: to begin with.
-            publish: called with the state after each tick, and after each wish that changes it.
-            clock: [s].
+            publish: called with the state after each tick, and after each request that changes it.
+            clock: reads the time on the wall [s].
 
         Raises:
             WalkError: if the robot cannot stand with these parameters.
@@ -71,27 +60,27 @@ class Control:
         self._publish, self._clock = publish, clock
         self._stopwatch = Stopwatch(clock)
         self._simulation = Simulation(robot, parameters, self._stopwatch)
-        self._pace = Pace(parameters.control_period, clock)
+        self._scheduler = TickScheduler(parameters.control_period, clock)
         self._is_started = False
-        self._drive, self._driven_at = NOBODY, 0.0
+        self._command, self._commanded_at = NO_REFERENCE, 0.0
         self._push: Push | None = None
-        self._pusher: RandomPusher | None = None
-        self._robot, self._follower = robot, PushRecoveryMonitor()
+        self._random_pusher: RandomPusher | None = None
+        self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._log = SessionLog(self._simulation)
         self._log.begin()
         first = self._simulation.step()
         self._log.end(Command(), first)
-        self.latest = LiveState(first, self._pace.timing, True, NOBODY.driver)
+        self.latest = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
         publish(self.latest)
 
     @property
     def time_left(self) -> float:
-        """Until the next tick is due [s]; infinite while none is."""
-        return self._pace.time_left if self._is_started and self.latest.running else math.inf
+        """Time until the next tick is due [s]; infinite while none is."""
+        return self._scheduler.time_left if self._is_started and self.latest.running else math.inf
 
     def tick(self) -> None:
-        """Take the tick that is due; an error that nobody foresaw pauses the robot."""
-        self._pace.begin()
+        """Take the tick that is due; an unexpected error pauses the robot."""
+        self._scheduler.start_tick()
         try:
             self._take_tick()
         except Exception as error:
@@ -100,15 +89,15 @@ class Control:
     def start(self) -> LiveState:
         """Let time pass for the first time."""
         self._is_started = True
-        self._pace.restart()
+        self._scheduler.restart()
         return self.latest
 
-    def drive(self, drive: Drive) -> None:
-        """Take a reference from the next tick on."""
-        self._drive, self._driven_at = drive, self._clock()
+    def set_reference(self, command: ReferenceCommand) -> None:
+        """Follow a reference from the next tick on."""
+        self._command, self._commanded_at = command, self._clock()
 
     def push(self, push: Push) -> None:
-        """Begin a push at the next tick; of several the last one counts."""
+        """Begin a push at the next tick; of several before it the last one counts."""
         self._push = push
 
     def pause(self) -> LiveState:
@@ -118,7 +107,7 @@ class Control:
     def resume(self) -> LiveState:
         """Let time pass again, after a fault too."""
         if not self.latest.running:
-            self._pace.restart()
+            self._scheduler.restart()
         return self._show(running=True, fault="")
 
     def step(self, ticks: int) -> LiveState:
@@ -134,13 +123,20 @@ class Control:
         return self.latest
 
     def step_samples(self, samples: int) -> LiveState:
-        """Take the ticks up to the next sample of the gait's grid, or to the one so many samples on; as `step`."""
+        """Take the ticks up to a coming sample of the gait's grid.
+
+        Args:
+            samples: 1 goes to the next sample, 2 to the one after it, and so on.
+
+        Raises:
+            NotPausedError: if the robot is running.
+        """
         per_sample = self.parameters.timing.ticks_per_sample
         present = self.latest.snapshot.tick
         return self.step((present // per_sample + samples) * per_sample - present)
 
     def change(self, values: Mapping[str, Any]) -> Parameters:
-        """Walk on with some parameters changed; tells all of them.
+        """Walk on with some parameters changed, and return all of them.
 
         Raises:
             WalkError: if that cannot be; nothing has changed then.
@@ -152,31 +148,31 @@ class Control:
 
     def reset(self) -> LiveState:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        self._drive, self._push = NOBODY, None
-        self._follower = PushRecoveryMonitor()
+        self._command, self._push = NO_REFERENCE, None
+        self._recovery = PushRecoveryMonitor()
         self._log.reset()
         self._simulation.reset()
-        self._pace.forget_real_t()
+        self._scheduler.reset_real_t()
         self._take_tick()
-        self._pace.restart()
+        self._scheduler.restart()
         return self.latest
 
     def set_speed(self, speed: float) -> LiveState:
-        """Let simulated time pass so many times as fast as real time."""
-        self._pace.set_speed(speed)
-        return self._show(speed=speed, timing=self._pace.timing)
+        """Let simulated time pass `speed` times as fast as real time."""
+        self._scheduler.set_speed(speed)
+        return self._show(speed=speed, timing=self._scheduler.timing)
 
     def preview(self, push: Push) -> Snapshot:
-        """What the next tick would be if this push came all at once; the robot does not feel it."""
-        return self._simulation.preview(Command(self._drive.reference, replace(push, duration=0.0)))
+        """The next tick as it would be if a push came all at once; the robot does not feel it."""
+        return self._simulation.preview(Command(self._command.reference, replace(push, duration=0.0)))
 
     def push_at_random(self, pushes: RandomPushes | None) -> LiveState:
-        """Let pushes come by themselves, or no more."""
-        self._pusher = None if pushes is None else RandomPusher(pushes, self.parameters.control_period)
+        """Let pushes come by themselves; None ends them."""
+        self._random_pusher = None if pushes is None else RandomPusher(pushes, self.parameters.control_period)
         return self._show(random_pushes=pushes)
 
     def save(self, is_before_reset: bool) -> Iterator[bytes]:
-        """The last minute since the last reset, or of the walk before it, piece by piece.
+        """Packed segments of the last minute since the last reset, or of the walk before it.
 
         Raises:
             NothingToSaveError: if there was none.
@@ -187,39 +183,39 @@ class Control:
         return iter(segments)
 
     def tidy(self) -> None:
-        """What there is to do between two ticks; takes less than 1 ms."""
+        """Do the work that can wait for the pause between two ticks; takes less than 1 ms."""
         self._log.pack()
 
     def fail(self, error: Exception) -> LiveState:
-        """An error that nobody foresaw: pause, and tell."""
+        """Pause because of an unexpected error, and show it."""
         logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
         return self._show(running=False, fault=f"{type(error).__name__}: {error}")
 
     def _take_tick(self) -> None:
         started = self._clock()
-        if started > self._driven_at + self._drive.expires_after:
-            self._drive = NOBODY
-        command = Command(self._drive.reference, self._next_push())
+        if started > self._commanded_at + self._command.expires_after:
+            self._command = NO_REFERENCE
+        command = Command(self._command.reference, self._next_push())
         self._log.begin()
         snapshot = self._simulation.step(command)
-        self._pace.record(self._clock() - started, self._stopwatch.laps)
+        self._scheduler.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
-        self._follower.update(balance_state(snapshot, self._robot.mass))
+        self._recovery.update(balance_state(snapshot, self._robot.mass))
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,
-            timing=self._pace.timing,
-            driver=self._drive.driver,
-            driver_client=self._drive.client,
-            real_t=self._pace.real_t,
-            last_push=self._follower.last,
+            timing=self._scheduler.timing,
+            driver=self._command.driver,
+            driver_client=self._command.client,
+            real_t=self._scheduler.real_t,
+            last_push=self._recovery.last,
         )
 
     def _next_push(self) -> Push | None:
-        """The push that was asked for, else a random one where one is due."""
+        """The push that was requested, else a random one where one is due."""
         push, self._push = self._push, None
-        if push is None and self._pusher is not None:
-            push = self._pusher.at_next_tick()
+        if push is None and self._random_pusher is not None:
+            push = self._random_pusher.at_next_tick()
         return push
 
     def _show(self, **changed: Any) -> LiveState:
@@ -228,10 +224,38 @@ class Control:
         return self.latest
 
 
-def _counted(counts: Counts, before: Snapshot, now: Snapshot) -> Counts:
+def _counted(counts: SolveCounts, before: Snapshot, now: Snapshot) -> SolveCounts:
     """The counts with one more tick in them."""
     if now.status is Status.RELAXED:
         return replace(counts, relaxed=counts.relaxed + 1)
     if now.status is Status.FALLEN and before.status is not Status.FALLEN:
         return replace(counts, failed=counts.failed + 1)
     return counts
+
+
+class RandomPusher:
+    """Draws when the next random push comes, from where and how strong."""
+
+    def __init__(self, pushes: RandomPushes, period: float) -> None:
+        """Let the first push come after about one interval.
+
+        Args:
+            pushes: how strong and how often.
+            period: from one tick to the next [s].
+        """
+        self._pushes, self._period = pushes, period
+        self._random = np.random.default_rng(pushes.seed)
+        self._ticks_left = self._draw_wait()
+
+    def at_next_tick(self) -> Push | None:
+        """The push that begins at the next tick, if one does."""
+        self._ticks_left -= 1
+        if self._ticks_left > 0:
+            return None
+        self._ticks_left = self._draw_wait()
+        angle = self._random.uniform(-math.pi, math.pi)
+        strength = self._pushes.strength * self._random.uniform(0.5, 1.0)
+        return Push(strength * np.array([math.cos(angle), math.sin(angle)]))
+
+    def _draw_wait(self) -> int:
+        return max(1, round(self._pushes.interval * self._random.uniform(0.5, 1.5) / self._period))

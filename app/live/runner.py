@@ -1,8 +1,12 @@
-"""The robot that walks in real time, as the server sees it: wishes in, latest state out.
+"""The robot that walks in real time, as the server sees it: commands and requests in, latest state out.
 
-The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks
-and its ticks wait for nobody: state, reference and push are single places in shared memory where
-the latest value wins, and what pauses, resumes, steps or resets is a wish with an answer.
+The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks and its ticks wait
+for nobody: state, reference and push are single places in shared memory where the latest value wins, and what pauses,
+resumes, steps or resets is a request with a response.
+
+Several browsers may command the robot, and the last one to take hold drives. A held stick repeats its reference, so
+that a lost connection is noticed. If every repetition were obeyed, two browsers would pull the robot to and fro; so a
+client that was overtaken is heard again only when it takes hold anew, or when nobody drives any more.
 """
 
 import math
@@ -13,35 +17,38 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
-from app.live.control import NOBODY, Control, Drive, NothingToSaveError, NotPausedError
-from app.live.link import ControlLink, NoAnswerError
-from app.live.session import Session
-from app.live.state import LiveState, RandomPushes
+import numpy as np
+
+from app.live.control import Control, NothingToSaveError, NotPausedError
+from app.live.link import ControlLink, NoResponseError
+from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
+from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
 
-__all__ = ["NOBODY", "LiveState", "NoAnswerError", "NotPausedError", "NothingToSaveError", "Runner"]
+__all__ = ["LiveState", "NoResponseError", "NotPausedError", "NothingToSaveError", "Runner", "TeleopClient"]
 
-SPEEDS = (0.1, 4.0)  # simulated over real time
-INTERVALS = (0.2, 60.0)  # [s] between random pushes
+SPEEDS = (0.1, 4.0)  # limits of simulated over real time
+INTERVALS = (0.2, 60.0)  # [s], limits of the time between random pushes
+TELEOP_TIMEOUT = 0.4  # [s] after which a silent teleop client counts as let go
 
 
 class Runner:
     """Drives the control process. All methods may be called from any thread.
 
-    Wishes are answered with the state that they lead to. They fail with `NoAnswerError` if the process is gone.
+    Requests are futures of the state that they lead to. They fail with `NoResponseError` if the process is gone.
     """
 
     def __init__(self, robot: Robot, parameters: Parameters) -> None:
-        """Begin to put the robot at rest. Whoever asks first how it is waits until it stands."""
+        """Begin to put the robot at rest; `latest` waits until it stands."""
         self.robot, self.parameters, self.defaults = robot, parameters, parameters
         self._link = ControlLink(robot, parameters)
         self._before_restart: LiveState | None = None
-        self._drive, self._expires_at = NOBODY, math.inf
+        self._command, self._expires_at = NO_REFERENCE, math.inf
 
     @property
     def latest(self) -> LiveState:
-        """After the latest tick; a value that does not change.
+        """The state after the latest tick; a value that does not change, the same object until there is a newer one.
 
         Raises:
             WalkError: if the robot cannot stand with its parameters.
@@ -51,18 +58,18 @@ class Runner:
         return self._link.latest
 
     @property
-    def helm(self) -> tuple[str, str]:
-        """Driver and client of the reference given last, ("none", "") once it has expired."""
-        drive = self._drive if time.perf_counter() <= self._expires_at else NOBODY
-        return drive.driver, drive.client
+    def active_driver(self) -> tuple[str, str]:
+        """Driver and client of the latest reference, ("none", "") once it has expired."""
+        command = self._command if time.perf_counter() <= self._expires_at else NO_REFERENCE
+        return command.driver, command.client
 
     @property
     def process_id(self) -> int:
-        """Of the control process."""
+        """Id of the control process in the system."""
         return self._link.process_id
 
     def wait(self) -> None:
-        """Until the robot stands.
+        """Wait until the robot stands.
 
         Raises:
             WalkError: if it cannot stand with its parameters.
@@ -71,30 +78,33 @@ class Runner:
 
     def start(self) -> None:
         """Let time pass."""
-        self._link.wish(Control.start)
+        self._link.request(Control.start)
 
     def stop(self) -> None:
         """End the process."""
         self._link.close()
 
     def drive(self, reference: Reference, driver: str, expires_after: float | None = None, client: str = "") -> None:
-        """Give the reference from the next tick on.
+        """Follow a reference from the next tick on.
 
         Args:
             reference: within the limits of the robot.
-            driver: who gives it.
-            expires_after: without a new one for so long [s] it becomes zero; None holds it. This is time
-                on the wall, not simulated: it guards against a hand that has left or a lost connection,
-                and those do not slow down with the simulation.
-            client: which of several browsers gives it.
+            driver: kind of source, as in `ReferenceCommand`.
+            expires_after: without a new one for so long [s] it becomes zero; None holds it. This is time on the wall,
+                not simulated: it guards against a person who has left or a lost connection, and those do not slow
+                down with the simulation.
+            client: name of the browser that gives it.
 
         Raises:
             InvalidValueError: if the reference is beyond a limit.
         """
         self.robot.check_reference(reference)
         lasts = math.inf if expires_after is None else expires_after
-        self._drive, self._expires_at = Drive(reference, driver, lasts, client), time.perf_counter() + lasts
-        self._link.drive(self._drive)
+        self._command, self._expires_at = (
+            ReferenceCommand(reference, driver, lasts, client),
+            time.perf_counter() + lasts,
+        )
+        self._link.set_reference(self._command)
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick.
@@ -106,60 +116,60 @@ class Runner:
 
     def pause(self) -> Future[LiveState]:
         """Stop time."""
-        return self._link.wish(Control.pause)
+        return self._link.request(Control.pause)
 
     def resume(self) -> Future[LiveState]:
         """Let time pass again, after a fault too."""
-        return self._link.wish(Control.resume)
+        return self._link.request(Control.resume)
 
     def step(self, ticks: int) -> Future[LiveState]:
         """Take single ticks while paused, as fast as they can be computed; else fail with `NotPausedError`."""
-        return self._link.wish(Control.step, ticks)
+        return self._link.request(Control.step, ticks)
 
     def step_samples(self, samples: int) -> Future[LiveState]:
-        """Take the ticks up to the next sample of the gait's grid, or to the one so many samples on; as `step`."""
-        return self._link.wish(Control.step_samples, samples)
+        """Take the ticks up to a coming sample of the gait's grid, 1 for the next; fails as `step` does."""
+        return self._link.request(Control.step_samples, samples)
 
     def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
         """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
-        return self._link.wish(Control.change, dict(values), then=self._take_parameters)
+        return self._link.request(Control.change, dict(values), convert=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before.
 
         A control process that is gone is started again, and time passes.
         """
-        self._drive = NOBODY
+        self._command = NO_REFERENCE
         if not self._link.end:
-            return self._link.wish(Control.reset)
+            return self._link.request(Control.reset)
         self._before_restart = self._link.latest
         self._link.close()
         self._link = ControlLink(self.robot, self.parameters)
-        return self._link.wish(Control.start)
+        return self._link.request(Control.start)
 
     def set_speed(self, factor: float) -> Future[LiveState]:
-        """Let simulated time pass so many times as fast as real time.
+        """Let simulated time pass `factor` times as fast as real time.
 
         Raises:
             InvalidValueError: if the factor is beyond `SPEEDS`.
         """
-        return self._link.wish(Control.set_speed, check_range("speed.factor", factor, *SPEEDS))
+        return self._link.request(Control.set_speed, check_range("speed.factor", factor, *SPEEDS))
 
     def preview(self, push: Push) -> Future[Snapshot]:
-        """What the next tick would be if this push came now, all at once, without the body; the robot does not feel it.
+        """The next tick as it would be if a push came now, all at once, without the body; the robot does not feel it.
 
         Raises:
-            InvalidValueError: if it is beyond a limit.
+            InvalidValueError: if the push is beyond a limit.
         """
-        return self._link.wish(Control.preview, self.robot.check_push(push))
+        return self._link.request(Control.preview, self.robot.check_push(push))
 
     def push_at_random(self, strength: float, interval: float, seed: int | None = None) -> Future[LiveState]:
         """Let pushes come by themselves.
 
         Args:
-            strength: of the strongest [N s]; none come if it is zero.
+            strength: impulse of the strongest [N s]; zero ends them.
             interval: mean time from one to the next [s].
-            seed: the same seed gives the same pushes; drawn if none is given.
+            seed: the same seed gives the same pushes; None draws one.
 
         Raises:
             InvalidValueError: if one is beyond its limit.
@@ -167,15 +177,69 @@ class Runner:
         check_range("random_pushes.strength", strength, 0.0, self.robot.max_push)
         check_range("random_pushes.interval", interval, *INTERVALS)
         seed = random.randrange(2**32) if seed is None else seed
-        return self._link.wish(Control.push_at_random, RandomPushes(strength, interval, seed) if strength else None)
+        pushes = RandomPushes(strength, interval, seed) if strength else None
+        return self._link.request(Control.push_at_random, pushes)
 
     def save(self, is_before_reset: bool = False) -> Future[Session]:
-        """What happened in the last minute since the last reset, or in that of the walk before it.
-
-        Fails with `NothingToSaveError` if there was none.
-        """
-        return self._link.wish(Control.save, is_before_reset, then=Session.unpacked)
+        """The last minute since the last reset, or of the walk before it; `NothingToSaveError` if there was none."""
+        return self._link.request(Control.save, is_before_reset, convert=Session.unpacked)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self.parameters = parameters
         return parameters
+
+
+class TeleopClient:
+    """The controls of one browser: its references and pushes, kept within the robot's limits."""
+
+    def __init__(self, runner: Runner, client: str) -> None:
+        """Begin without a hold.
+
+        Args:
+            runner: of the robot.
+            client: name of the browser.
+        """
+        self._runner, self._client = runner, client
+        self._engagement = -1
+        self._driver = NO_REFERENCE.driver
+
+    def steer(self, reference: Reference, driver: str, engagement: int | None) -> None:
+        """Request a velocity, which is clamped to the limits; ignored where another client has overtaken this one.
+
+        Args:
+            reference: as the control stands.
+            driver: kind of control: "joystick", "keyboard" ...
+            engagement: number of the current hold of the control, which grows with each; None takes hold anew with
+                every call.
+
+        Raises:
+            InvalidValueError: for what cannot be clamped.
+        """
+        if self._has_hold(engagement):
+            robot, self._driver = self._runner.robot, driver
+            self._runner.drive(robot.clamped_reference(reference), driver, TELEOP_TIMEOUT, self._client)
+
+    def push(self, push: Push) -> None:
+        """Push the robot, in the given direction and no stronger than the limit.
+
+        Raises:
+            InvalidValueError: for what cannot be clamped.
+        """
+        self._runner.push(_clamped(push, self._runner.robot.max_push))
+
+    def _has_hold(self, engagement: int | None) -> bool:
+        if engagement is None:
+            return True
+        is_new = engagement > self._engagement
+        self._engagement = max(engagement, self._engagement)
+        driver, client = self._runner.active_driver
+        return is_new or driver == NO_REFERENCE.driver or (driver, client) == (self._driver, self._client)
+
+
+def _clamped(push: Push, max_push: float) -> Push:
+    """The push in its direction, no stronger than a limit [N s]."""
+    strength = float(np.linalg.norm(push.impulse))
+    if strength <= max_push:
+        return push
+    shrunk = push.impulse * (max_push / strength * (1.0 - 1e-9))  # so that rounding stays below the limit
+    return Push(shrunk, push.duration, push.frame)

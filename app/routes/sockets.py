@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from app.http.errors import field_errors, summary
 from app.http.schemas import TeleopMessage, live_json
-from app.live.hand import Hand
+from app.live.runner import TeleopClient
 from app.routes.connection import LiveRunner
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
@@ -60,18 +60,18 @@ async def teleop(socket: WebSocket, runner: LiveRunner, client: Annotated[str, Q
     The live snapshot names the `client` that drives: whatever a page calls itself, or a name of our own.
     """
     await socket.accept()
-    hand = Hand(runner, client or secrets.token_hex(8))
+    teleop_client = TeleopClient(runner, client or secrets.token_hex(8))
     with suppress(WebSocketDisconnect):
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                _obey(message.get("text") or "", hand)
+                _obey(message.get("text") or "", teleop_client)
             except ValidationError as error:
                 await socket.send_json({"error": summary(field_errors(error.errors()))})
             except InvalidValueError as error:
                 await socket.send_json({"error": str(error)})
 
 
-def _obey(text: str, hand: Hand) -> None:
+def _obey(text: str, client: TeleopClient) -> None:
     """Do what a message asks.
 
     Raises:
@@ -81,6 +81,6 @@ def _obey(text: str, hand: Hand) -> None:
     check_range("length", len(text), 0, MAX_MESSAGE)
     message = TeleopMessage.model_validate_json(text)
     if message.push is not None:
-        hand.push(message.push.to_push())
+        client.push(message.push.to_push())
     if message.reference is not None:
-        hand.steer(message.reference.to_reference(), message.driver, message.grip)
+        client.steer(message.reference.to_reference(), message.driver, message.engagement)

@@ -57,7 +57,7 @@ class DriveTab:
 
     def follow(self, state: LiveState) -> None:
         """Let the sliders show what another driver asks for, and tell when the one who set them is gone."""
-        driver, client = self._runner.helm
+        driver, client = self._runner.active_driver
         if driver == DRIVER:
             if client and not self._visitors.is_here(client):
                 self._runner.drive(state.snapshot.reference, DRIVER)

@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from app.live.runner import NoAnswerError, Runner
+from app.live.runner import NoResponseError, Runner
 from walkcore import Parameters, WalkError
 from walkcore.mpc.schemes import SCHEMES
 
@@ -103,7 +103,7 @@ class MethodTab:
     def _ask(self, client: viser.ClientHandle, values: dict[str, Any]) -> None:
         try:
             self._runner.change(values).result(timeout=PATIENCE)
-        except (WalkError, NoAnswerError, TimeoutError) as refusal:
+        except (WalkError, NoResponseError, TimeoutError) as refusal:
             self._refuse(client, str(refusal) or "the walk does not answer")
 
     def _refuse(self, client: viser.ClientHandle, reason: str) -> None:

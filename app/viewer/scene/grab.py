@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.live.runner import NoAnswerError, Runner
+from app.live.runner import NoResponseError, Runner
 from walkcore import Push, Snapshot, WalkError
 from walkcore.values import Vector
 
@@ -89,7 +89,7 @@ class Grab:
     def _take(self, asked: Future[Snapshot]) -> None:
         try:
             answer = asked.result()
-        except (WalkError, NoAnswerError) as error:
+        except (WalkError, NoResponseError) as error:
             logger.warning("no preview of a push: %s", error)
             return
         if self.impulse is not None:

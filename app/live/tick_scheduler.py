@@ -1,4 +1,4 @@
-"""The rate of the ticks: when the next one is due, and how well the last ones kept up."""
+"""The schedule of the ticks: when the next one is due, and how well the last ones kept up."""
 
 import time
 from bisect import bisect_left
@@ -6,45 +6,50 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-MAX_LATENESS = 0.005  # [s] caught up with at most; beyond it the schedule moves: one late tick, not a burst of them
+MAX_CATCH_UP = 0.005  # [s] of lateness made up for; beyond it the schedule moves: one late tick, not a burst of them
 FACTOR_WINDOW = 5.0  # [s] over which the real-time factor is taken
 SMOOTHING = 0.02  # weight of the latest tick in the smoothed means
-LATENESS_EDGES = (0.001, 0.005, 0.05)  # [s] of the counts of late ticks
+LATENESS_EDGES = (0.001, 0.005, 0.05)  # [s] between the classes by which late ticks are counted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Timing:
-    """How well the ticks keep up with real time."""
+    """Measures of how well the ticks keep up with real time."""
 
     tick_ms: float
     """Smoothed mean of a tick's computation [ms]."""
     tick_ms_max: float
-    """Largest of the last second of ticks [ms]."""
+    """Largest computation among the ticks of the last second [ms]."""
     misses: int
     """Ticks that started more than one period late."""
     real_time_factor: float
     """Simulated time of the last seconds over what the speed asks for: 1 where the walk keeps up."""
     ticks: int
-    """Taken on schedule since the control process started; single ticks of a paused robot do not count."""
+    """Ticks taken on schedule since the control process started; single ticks of a paused robot do not count."""
     lateness: tuple[int, ...]
-    """How many started no later than the first of `LATENESS_EDGES`, between the first two, and so on."""
+    """Number of ticks that started no later than the first of `LATENESS_EDGES`, between the first two, and so on."""
     lateness_sum: float
-    """Of all of them [s]."""
+    """Sum of the lateness of all ticks [s]."""
     lateness_max: float
-    """Of all of them [s]."""
+    """Largest lateness of all ticks [s]."""
     stages: Mapping[str, float]
     """Smoothed mean of each stage of a tick [ms]."""
 
     def later_than(self, edge: float) -> int:
-        """Ticks that started later than one of `LATENESS_EDGES` [s]."""
+        """Number of ticks that started later than one of `LATENESS_EDGES` [s]."""
         return sum(self.lateness[LATENESS_EDGES.index(edge) + 1 :])
 
 
-class Pace:
+class TickScheduler:
     """Tells when ticks are due and measures them. Belongs to one thread."""
 
     def __init__(self, period: float, clock: Callable[[], float] = time.perf_counter) -> None:
-        """Ticks of `period` [s] of simulated time, the first one due now by the clock [s]."""
+        """Let the first tick be due now.
+
+        Args:
+            period: of simulated time from one tick to the next [s].
+            clock: reads the time on the wall [s].
+        """
         self._period, self._clock = period, clock
         self._durations: deque[float] = deque([0.0], maxlen=max(1, round(1.0 / period)))
         self._mean = 0.0
@@ -53,32 +58,31 @@ class Pace:
         self._lateness = [0] * (len(LATENESS_EDGES) + 1)
         self._lateness_sum = self._lateness_max = 0.0
         self.real_t = 0.0
-        """Time that passed on the wall while the robot was running, since `forget_real_t` [s]."""
+        """Time on the wall during which the robot was running, since `reset_real_t` [s]."""
         self.set_speed(1.0)
 
     def set_speed(self, speed: float) -> None:
-        """Let simulated time pass so many times as fast as real time; the next tick is due now."""
-        self.speed = speed
+        """Let simulated time pass `speed` times as fast as real time; the next tick is due now."""
         self._interval = self._period / speed
         self._starts: deque[float] = deque(maxlen=round(FACTOR_WINDOW / self._interval) + 1)
         self.restart()
 
     def restart(self) -> None:
-        """The next tick is due now; what came before, such as a pause, does not count."""
+        """Let the next tick be due now; time before it, such as a pause, does not count."""
         self._due = self._clock()
         self._starts.clear()
 
-    def forget_real_t(self) -> None:
+    def reset_real_t(self) -> None:
         """Count the time on the wall from zero again."""
         self.real_t = 0.0
 
     @property
     def time_left(self) -> float:
-        """Until the next tick is due [s]; negative where it is late."""
+        """Time until the next tick is due [s]; negative where it is late."""
         return self._due - self._clock()
 
-    def begin(self) -> None:
-        """A tick starts now. Far behind, the schedule moves and simulated time slows; no tick is skipped."""
+    def start_tick(self) -> None:
+        """Note that a tick starts now. Far behind, the schedule moves and simulated time slows; no tick is skipped."""
         now = self._clock()
         late = max(now - self._due, 0.0)
         self._ticks += 1
@@ -86,13 +90,18 @@ class Pace:
         self._lateness_sum += late
         self._lateness_max = max(self._lateness_max, late)
         self._misses += late > self._interval
-        self._due += self._interval + (late if late > MAX_LATENESS else 0.0)
+        self._due += self._interval + (late if late > MAX_CATCH_UP else 0.0)
         if self._starts:
             self.real_t += now - self._starts[-1]
         self._starts.append(now)
 
     def record(self, duration: float, stages: Mapping[str, float]) -> None:
-        """Take note of a tick's computation and its stages [s]."""
+        """Add a tick's computation to the measures.
+
+        Args:
+            duration: of the whole computation [s].
+            stages: duration of each stage [s].
+        """
         self._mean += (duration - self._mean) * (SMOOTHING if self._mean else 1.0)
         self._durations.append(duration)
         for stage in {**self._stages, **stages}:
@@ -101,7 +110,7 @@ class Pace:
 
     @property
     def timing(self) -> Timing:
-        """At this moment."""
+        """The measures at this moment."""
         elapsed = self._starts[-1] - self._starts[0] if self._starts else 0.0
         return Timing(
             tick_ms=1e3 * self._mean,

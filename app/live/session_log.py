@@ -1,8 +1,8 @@
 """The last minute of the live walk, always kept, so that what was just driven can be saved as a run.
 
-Kept in short segments: the state before each, and tick by tick what was asked and what came of it. That
-is all it takes to walk the same way again, and to write the recording without walking again. Whoever has
-time between two ticks packs the segments that are full.
+It is kept in short segments: the state before each, and for each tick the command and the snapshot that came of it.
+From these the same walk can be replayed, and its recording written without walking again. Full segments are packed
+between two ticks.
 """
 
 import math
@@ -29,9 +29,10 @@ NOTHING = frozen_copy(np.zeros((0, 2)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """What happened from a state on."""
+    """A short part of a walk: the state that it began with, and its ticks."""
 
     parameters: Parameters
+    """Parameters in force before its first tick."""
     state: SimulationState
     ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
     changes: dict[int, Parameters] = field(default_factory=dict)
@@ -39,10 +40,10 @@ class Segment:
 
 
 class SessionLog:
-    """Keeps what happens to a simulation."""
+    """Keeps the last minute of a simulation."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Of a simulation at its start."""
+        """Begin to keep a simulation that is at its start."""
         self._simulation = simulation
         nb_segments = math.ceil(KEPT / simulation.parameters.control_period / TICKS_PER_SEGMENT)
         self._packed: deque[bytes] = deque(maxlen=nb_segments)
@@ -51,13 +52,13 @@ class SessionLog:
         self._before_reset: list[bytes] = []
 
     def reset(self) -> None:
-        """The simulation begins anew: what came before is set aside until the next reset."""
+        """Set the walk so far aside until the next reset: the simulation begins anew."""
         self._before_reset = self.segments(False)
         self._packed.clear()
         self._growing = None
 
     def begin(self) -> None:
-        """A tick is coming: a segment is needed for it."""
+        """Note the state before a tick where a segment begins with it."""
         if self._growing is not None and len(self._growing.ticks) < TICKS_PER_SEGMENT:
             return
         if self._growing is not None:
@@ -65,23 +66,23 @@ class SessionLog:
         self._growing = Segment(self._simulation.parameters, self._simulation.state)
 
     def end(self, command: Command, snapshot: Snapshot) -> None:
-        """The tick is over."""
+        """Add the tick that `begin` announced."""
         assert self._growing is not None
         self._growing.ticks.append((command, _light(snapshot)))
 
     def change(self, parameters: Parameters) -> None:
-        """Other parameters are in force from the next tick on."""
+        """Note that other parameters are in force from the next tick on."""
         growing = self._growing
         if growing is not None and len(growing.ticks) < TICKS_PER_SEGMENT:  # else the next one begins with them
             growing.changes[len(growing.ticks)] = parameters
 
     def pack(self) -> None:
-        """Make one full segment small."""
+        """Pickle one full segment."""
         if self._full:
             self._packed.append(_packed(self._full.popleft()))
 
     def segments(self, is_before_reset: bool) -> list[bytes]:
-        """What is kept, since the last reset or of the walk before it."""
+        """All packed segments since the last reset, or of the walk before it."""
         if is_before_reset:
             return self._before_reset
         while self._full:
@@ -94,7 +95,7 @@ def _packed(segment: Segment) -> bytes:
 
 
 def _light(snapshot: Snapshot) -> Snapshot:
-    """Without the trajectories of its plan, which no recording has."""
+    """The snapshot without the trajectories of its plan, which no recording has."""
     plan = snapshot.plan
     return replace(snapshot, plan=None if plan is None else _light_plan(plan))
 
@@ -111,14 +112,14 @@ class Session:
 
     @classmethod
     def unpacked(cls, segments: list[bytes]) -> "Session":
-        """From what `SessionLog.segments` gives."""
+        """The session that `SessionLog.segments` packed."""
         return cls([pickle.loads(segment) for segment in segments])
 
     def recording(self, name: str, robot: Robot) -> Recording:
-        """The recording, of what happened: nothing is simulated again.
+        """The recording of the walk as it happened: nothing is simulated again.
 
         Args:
-            name: of its scenario, which replayed leads to the same rows.
+            name: of its scenario, whose replay leads to the same rows.
             robot: that walked.
         """
         ticks = [tick for segment in self.segments for tick in segment.ticks]
@@ -129,7 +130,7 @@ class Session:
         return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
 
     def _changes(self) -> Iterator[tuple[int, Parameters]]:
-        """What changed the parameters, by the index of the tick before which it did."""
+        """Changed parameters, by the index of the tick before which they came into force."""
         in_force, start = self.segments[0].parameters, 0
         for segment in self.segments:
             for index, parameters in {0: segment.parameters, **segment.changes}.items():

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from app.live import session
-from app.live.control import Control, Drive, NothingToSaveError
-from app.live.session import Session
+from app.live import session_log
+from app.live.control import Control, NothingToSaveError
+from app.live.live_state import ReferenceCommand
+from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, load_robot
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -17,12 +18,12 @@ TALOS = load_robot("talos")
 
 
 def drive(control: Control, nb_ticks: int, seed: int) -> None:
-    """A hand that changes its mind, shoves, and turns knobs."""
+    """References, pushes and changed parameters at random."""
     rng = np.random.default_rng(seed)
     for _ in range(nb_ticks):
         if rng.random() < 0.02:
             reference = Reference(rng.uniform(-0.1, 0.3), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
-            control.drive(Drive(reference, "joystick"))
+            control.set_reference(ReferenceCommand(reference, "joystick"))
         if rng.random() < 0.02:
             control.push(Push(rng.uniform(-4.0, 4.0, 2), rng.uniform(0.0, 0.1)))
         if rng.random() < 0.04:
@@ -33,14 +34,14 @@ def drive(control: Control, nb_ticks: int, seed: int) -> None:
 
 @pytest.mark.parametrize("nb_ticks", [150, 330])
 def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
-    monkeypatch.setattr(session, "KEPT", 1.0)  # so that the longer one has lost its beginning
+    monkeypatch.setattr(session_log, "KEPT", 1.0)  # so that the longer one has lost its beginning
     control = Control(TALOS, LIVE, lambda _: None)
     control.start()
     drive(control, nb_ticks, seed=1)
     driven = Session.unpacked(list(control.save(False))).recording("driven", TALOS)
     nb_kept = len(driven.rows)
     assert driven["tick"][-1] == nb_ticks and nb_kept == min(
-        nb_ticks + 1, 200 + 1 + nb_ticks % session.TICKS_PER_SEGMENT
+        nb_ticks + 1, 200 + 1 + nb_ticks % session_log.TICKS_PER_SEGMENT
     )
     assert driven.parameter_changes and np.any(driven["push_x"] != 0.0)
     scenario = scenario_from_mapping(json.loads(json.dumps(driven.scenario.source, allow_nan=False)))
@@ -52,7 +53,7 @@ def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
 def test_what_the_page_tells_of_a_push_is_what_the_metrics_of_the_saved_walk_tell():
     control = Control(load_robot("hrp2"), Parameters(control_period=0.02), lambda _: None)
     control.start()
-    control.drive(Drive(Reference(vx=0.2), "rest"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     told = {}
     for tick in range(700):
         if tick in (300, 500):
@@ -67,16 +68,16 @@ def test_what_the_page_tells_of_a_push_is_what_the_metrics_of_the_saved_walk_tel
 
 def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario():
     control = Control(load_robot("hrp2"), Parameters(), lambda _: None)
-    control.drive(Drive(Reference(vx=0.2), "rest"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     for i in range(5):
         control.pause()
-        control.step(session.TICKS_PER_SEGMENT - (i == 0))
+        control.step(session_log.TICKS_PER_SEGMENT - (i == 0))
         control.change({"alpha": 1e-5 * (i + 1)})
         control.change({"beta": 1.0 + i})
     control.step(1)
     driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
     found = [(change["tick"], change["parameters"]["alpha"]) for change in driven.parameter_changes]
-    assert found == [(session.TICKS_PER_SEGMENT * (i + 1), 1e-5 * (i + 1)) for i in range(5)]
+    assert found == [(session_log.TICKS_PER_SEGMENT * (i + 1), 1e-5 * (i + 1)) for i in range(5)]
     assert record(driven.scenario).rows.tobytes() == driven.rows.tobytes()
 
 
@@ -84,7 +85,7 @@ def test_a_minute_is_kept_whatever_the_period(monkeypatch):
     for period in (0.005, 0.02, 0.1):
         parameters = Parameters(control_period=period)
         nb_segments = Control(load_robot("hrp2"), parameters, lambda _: None)._log._packed.maxlen
-        assert 60.0 <= nb_segments * session.TICKS_PER_SEGMENT * period < 62.0
+        assert 60.0 <= nb_segments * session_log.TICKS_PER_SEGMENT * period < 62.0
 
 
 def test_the_walk_before_a_reset_can_still_be_saved_and_what_is_saved_grows_no_more():

@@ -1,0 +1,72 @@
+"""Values that go between the server and its control process: reference in, live state out."""
+
+import math
+from dataclasses import dataclass
+
+from app.live.tick_scheduler import Timing
+from walkcore import Reference, Snapshot
+from walkcore.analysis.push_recovery import PushOutcome
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferenceCommand:
+    """A reference, its source, and how long it holds."""
+
+    reference: Reference
+    driver: str
+    """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders" or "rest"."""
+    expires_after: float = math.inf
+    """Time on the wall after which the reference becomes zero [s]."""
+    client: str = ""
+    """Name of the browser that gave it; empty where no browser did."""
+
+
+NO_REFERENCE = ReferenceCommand(Reference(), "none")
+"""What holds while nobody drives."""
+
+
+@dataclass(frozen=True, slots=True)
+class RandomPushes:
+    """A mode in which pushes come by themselves."""
+
+    strength: float
+    """Impulse of the strongest push [N s]; the weakest has half of it."""
+    interval: float
+    """Mean time from one push to the next [s]."""
+    seed: int
+    """Seed of the random numbers: the same seed gives the same pushes."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolveCounts:
+    """Numbers of ticks without an ordinary solution, since the control process started."""
+
+    relaxed: int = 0
+    """Ticks on which the paper's QP had no solution that leads on, and the relaxed QP was solved."""
+    failed: int = 0
+    """Falls: ticks on which nothing could keep the robot up, one for each fall."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveState:
+    """The robot after its latest tick."""
+
+    snapshot: Snapshot
+    timing: Timing
+    running: bool
+    """Whether time passes; False while paused."""
+    driver: str
+    """Kind of source of the reference, as in `ReferenceCommand`."""
+    driver_client: str = ""
+    """Name of the browser that drives; empty where none does."""
+    fault: str = ""
+    """Unexpected error that paused the robot; empty where there was none."""
+    speed: float = 1.0
+    """Requested ratio of simulated to real time."""
+    real_t: float = 0.0
+    """Time on the wall during which the robot was running, since its reset [s]."""
+    counts: SolveCounts = SolveCounts()
+    last_push: PushOutcome | None = None
+    """The latest push and how it ended; None before the first one."""
+    random_pushes: RandomPushes | None = None
+    """Settings of the random pushes; None while they are off."""

@@ -1,0 +1,68 @@
+"""Several clients of one robot: the last one to take hold drives, and the others wait."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from app.live import runner as runner_module
+from app.live.runner import Runner, TeleopClient
+from walkcore import Parameters, Push, Reference, load_robot
+
+FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)
+
+
+@pytest.fixture
+def runner() -> Iterator[Runner]:
+    """Not started: what drives is known before the first tick."""
+    runner = Runner(load_robot("hrp2"), Parameters())
+    yield runner
+    runner.stop()
+
+
+def test_client_that_was_overtaken_is_not_heard_until_it_takes_hold_anew(runner):
+    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    one.steer(FORWARD, "joystick", engagement=1)
+    assert runner.active_driver == ("joystick", "one")
+    other.steer(BACK, "keyboard", engagement=7)
+    one.steer(FORWARD, "joystick", engagement=1)
+    assert runner.active_driver == ("keyboard", "other")
+    one.steer(FORWARD, "joystick", engagement=2)
+    assert runner.active_driver == ("joystick", "one")
+
+
+def test_held_control_drives_again_when_nobody_else_does(runner, monkeypatch):
+    monkeypatch.setattr(runner_module, "TELEOP_TIMEOUT", 0.01)
+    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    one.steer(FORWARD, "joystick", engagement=1)
+    other.steer(BACK, "joystick", engagement=1)
+    time.sleep(0.02)
+    assert runner.active_driver == ("none", "")
+    one.steer(FORWARD, "joystick", engagement=1)
+    assert runner.active_driver == ("joystick", "one")
+
+
+def test_held_control_does_not_take_the_robot_back_from_a_reference_that_is_held(runner):
+    one = TeleopClient(runner, "one")
+    one.steer(FORWARD, "gamepad", engagement=1)
+    for driver, client in (("rest", ""), ("sliders", "one")):  # the sliders of the same browser, too
+        runner.drive(BACK, driver, client=client)
+        one.steer(FORWARD, "gamepad", engagement=1)
+        assert runner.active_driver == (driver, client)
+
+
+def test_message_without_an_engagement_always_takes_hold(runner):
+    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    for _ in range(2):
+        one.steer(FORWARD, "joystick", engagement=None)
+        assert runner.active_driver == ("joystick", "one")
+        other.steer(BACK, "joystick", engagement=None)
+        assert runner.active_driver == ("joystick", "other")
+
+
+def test_client_pushes_no_stronger_than_the_limit_whoever_drives(runner, monkeypatch):
+    pushes: list[Push] = []
+    monkeypatch.setattr(runner, "push", pushes.append)
+    runner.drive(BACK, "rest")
+    TeleopClient(runner, "one").push(Push([300.0, -400.0]))
+    assert pushes[0].impulse == pytest.approx([0.6 * runner.robot.max_push, -0.8 * runner.robot.max_push])
