@@ -1,27 +1,50 @@
-"""The server: wires runner, viewer, routes and page together, and stops them."""
+"""The server: wires runner, viewer, runs, routes and page together, listens on one port, and stops them."""
 
+import socket
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
+import uvicorn
 from fastapi import FastAPI
 
-from app.http import errors, page
-from app.http.body_limit import BodyLimitMiddleware
-from app.http.metrics import LiveMetrics
-from app.http.origin import SameOriginMiddleware
-from app.http.proxy import viewer_router
-from app.http.token import Token, TokenMiddleware
+from app.http import page, refusals
+from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
+from app.http.prometheus import LiveMetrics
+from app.http.token import Token, TokenMiddleware, signin_router
 from app.live.runner import Runner
-from app.routes import layers, live, runs, service, sockets
-from app.routes.signin import signin_router
+from app.routes import live_robot, scripted_runs, service, sockets
 from app.runs import Limits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
 
-# The paper takes 0.8 s to start; a hand on a joystick waits for the step.
+# The paper takes 0.8 s to start; a person at a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
+SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
+MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
+SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
+SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops
+
+
+def serve(settings: Settings) -> None:
+    """Serve until interrupted; exits with 1 where the address is not available."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    listening = _listen(settings)
+    config = uvicorn.Config(
+        create_app(settings),
+        log_level="warning",
+        timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE,
+        ws_per_message_deflate=False,
+    )
+    print(f"walk: open {_address(settings.host, listening)}", flush=True)
+    try:
+        uvicorn.Server(config).run(sockets=[listening])
+    except KeyboardInterrupt:
+        return  # uvicorn has shut down and passes the signal on
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -31,49 +54,39 @@ def create_app(settings: Settings) -> FastAPI:
         WalkError: if there is no such robot.
         OSError: if the folder for runs cannot be written to.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)  # its process gets ready while the viewer does
+    runner = Runner(load_robot(settings.robot), LIVE)  # its process starts while the viewer is built
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
-
     runner.wait()
-    scripted = _runs(settings)
+    runs = _runs(settings)
+    streams = sockets.SnapshotStreams(runner)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         runner.start()
         viewer.start()
-        scripted.start()
+        runs.start()
         try:
             yield
         finally:
-            scripted.stop()
+            runs.stop()
             viewer.stop()
             runner.stop()
 
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
-    app.state.runner = runner
-    app.state.viewer = viewer
-    app.state.runs = scripted
-    app.state.nb_streams = 0
+    app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
     app.state.metrics = LiveMetrics(
-        runner, lambda: app.state.nb_streams, lambda: (viewer.cost.count, viewer.cost.seconds)
+        runner, lambda: streams.nb_clients, lambda: (viewer.cost.count, viewer.cost.seconds)
     )
-    errors.install(app)
+    refusals.install(app)
     app.add_middleware(SameOriginMiddleware)
     if settings.walk_token.get_secret_value():
         token = Token(settings.walk_token.get_secret_value())
         app.add_middleware(TokenMiddleware, token=token)
         app.include_router(signin_router(token, page.STATIC / "signin.html"))
     app.add_middleware(BodyLimitMiddleware)
-    for routes in (
-        live.router,
-        layers.router,
-        sockets.router,
-        runs.router,
-        service.router,
-        service.metrics_router,
-        viewer_router(lambda: viewer.port),
-    ):
-        app.include_router(routes)
+    for router in (live_robot.router, sockets.router, scripted_runs.router, service.router, service.metrics_router):
+        app.include_router(router)
+    app.include_router(page.viewer_router(lambda: viewer.port))
     page.install(app)
     return app
 
@@ -88,3 +101,21 @@ def _runs(settings: Settings) -> Runs:
         bytes_kept=settings.runs_bytes,
         limits=limits,
     )
+
+
+def _listen(settings: Settings) -> socket.socket:
+    listening = socket.socket(socket.AF_INET6 if ":" in settings.host else socket.AF_INET)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+    try:
+        listening.bind((settings.host, settings.port))
+    except OSError as error:
+        sys.exit(f"walk: cannot listen on {settings.host} port {settings.port}: {error.strerror or error}")
+    listening.listen()
+    return listening
+
+
+def _address(host: str, listening: socket.socket) -> str:
+    port = listening.getsockname()[1]
+    host = {"0.0.0.0": "localhost", "::": "localhost"}.get(host, host)
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"

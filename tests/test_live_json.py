@@ -1,6 +1,7 @@
 """The live snapshot is plain values, whatever the robot does: an encoder that is strict takes it."""
 
 import json
+from dataclasses import replace
 
 import msgspec
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from app.http.schemas import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
+from app.routes import sockets
 from walkcore import Parameters, Push, Reference, load_robot
 from walkcore.mpc.plan import Status
 
@@ -38,3 +40,38 @@ def test_every_state_of_a_walk_that_ends_on_the_ground_can_be_encoded(name):
         assert msgspec.json.decode(msgspec.json.encode(told)) == text
         assert msgspec.msgpack.decode(msgspec.msgpack.encode(told)) == text
     assert control.latest.snapshot.status is Status.FALLEN and control.latest.last_push is not None
+
+
+class Frozen:
+    """In place of the runner: a robot whose state changes only where a test changes it."""
+
+    def __init__(self) -> None:
+        self.robot = load_robot("hrp2")
+        self.states: list[LiveState] = []
+        Control(self.robot, Parameters(), self.states.append)
+
+    @property
+    def latest(self) -> LiveState:
+        return self.states[-1]
+
+
+def test_a_snapshot_is_encoded_once_for_all_streams_of_a_format(monkeypatch):
+    encoded: list[LiveState] = []
+    monkeypatch.setattr(sockets, "live_json", lambda state, robot: encoded.append(state) or live_json(state, robot))
+    runner = Frozen()
+    streams = sockets.SnapshotStreams(runner)
+    for _ in range(20):
+        text, binary = streams.latest("json"), streams.latest("msgpack")
+    assert len(encoded) == 2
+    assert json.loads(text) == msgspec.msgpack.decode(binary) == live_json(runner.latest, runner.robot)
+
+    runner.states.append(replace(runner.latest, speed=2.0))
+    assert json.loads(streams.latest("json"))["speed"] == 2.0 and len(encoded) == 3
+
+
+def test_streams_of_one_rate_are_due_together_and_never_twice_in_a_period(monkeypatch):
+    for now in (100.0, 100.01, 100.033, 100.0333333, 1e6):
+        monkeypatch.setattr(sockets.time, "monotonic", lambda now=now: now)
+        wait = sockets.time_to_next(30.0)
+        assert 1e-4 < wait <= 1.0334 / 30.0
+        assert ((now + wait) * 30.0) % 1.0 == pytest.approx(0.0, abs=1e-6) or ((now + wait) * 30.0) % 1.0 > 1.0 - 1e-6

@@ -4,7 +4,9 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from pydantic import ValidationError
 
+from app.http.schemas import TeleopMessage
 from app.live import runner as runner_module
 from app.live.runner import Runner, TeleopClient
 from walkcore import Parameters, Push, Reference, load_robot
@@ -66,3 +68,13 @@ def test_client_pushes_no_stronger_than_the_limit_whoever_drives(runner, monkeyp
     runner.drive(BACK, "rest")
     TeleopClient(runner, "one").push(Push([300.0, -400.0]))
     assert pushes[0].impulse == pytest.approx([0.6 * runner.robot.max_push, -0.8 * runner.robot.max_push])
+
+
+@pytest.mark.parametrize("name", ["engagement", "grip"])
+def test_a_message_names_its_hold_by_the_new_and_by_the_deprecated_name(name):
+    assert TeleopMessage.model_validate_json(f'{{"reference": {{"vx": 0.1}}, "{name}": 3}}').engagement == 3
+
+
+def test_a_message_that_names_its_hold_twice_is_refused():
+    with pytest.raises(ValidationError):
+        TeleopMessage.model_validate_json('{"engagement": 3, "grip": 2}')

@@ -35,9 +35,7 @@ class Serve:
 
     def __call__(self) -> None:
         """Serve until interrupted."""
-        from app.commands.serve import (
-            serve,  # the server's libraries take a second to load; the other commands need none
-        )
+        from app.main import serve  # loads the server's libraries, which takes a second; other commands need none
 
         serve(Settings(host=self.host, port=self.port, robot=self.robot, scene=self.scene))
 

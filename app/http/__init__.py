@@ -1,1 +1,6 @@
-"""What every route shares: schemas, refusals, guards of the port, the page and the proxy to viser."""
+"""What the routes share.
+
+`schemas`, `run_schemas` and `scenario_schema` describe bodies of requests and responses, and `refusals` gives every
+error one shape. `guards` and `token` stand before all routes; `page` serves what a browser loads, viser's client
+included; `prometheus` writes the metrics.
+"""

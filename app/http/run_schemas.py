@@ -12,37 +12,37 @@ from app.runs.run import Status
 
 
 class RunSummary(BaseModel):
-    """A scripted run, without what was sent and what came out."""
+    """A scripted run, without its scenario and metrics."""
 
     id: str
-    name: str = Field(description="Of the scenario.")
+    name: str = Field(description="Name of the scenario.")
     robot: str
-    duration: float = Field(description="Of the scenario [s].")
+    duration: float = Field(description="Duration of the scenario [s].")
     status: Status
-    reason: str = Field(description="Why it failed, or was cancelled.")
+    reason: str = Field(description="Why the run failed, or was cancelled.")
     progress: float = Field(ge=0.0, le=1.0, description="Fraction of the ticks that are simulated.")
     real_time_factor: float | None = Field(description="Simulated over real time; null before it is known.")
     created: datetime
     started: datetime | None
     ended: datetime | None
-    size: int = Field(description="Of its files [bytes].")
+    size: int = Field(description="Size of its files [bytes].")
     files: dict[str, str] = Field(description="Address of each file of a run that was simulated to its end.")
 
 
 class RunBody(RunSummary):
     """A scripted run."""
 
-    scenario: Mapping[str, Any] = Field(description="As it was sent.")
-    metrics: Mapping[str, Any] | None = Field(description="As run.json has them, of a run that is done.")
+    scenario: Mapping[str, Any] = Field(description="The scenario as it was sent.")
+    metrics: Mapping[str, Any] | None = Field(description="Metrics in run.json, of a run that is done.")
 
 
 def run_summary(run: Run) -> RunSummary:
-    """For a list."""
+    """The run for a list."""
     return RunSummary(**_summary(run))
 
 
 def run_body(run: Run) -> RunBody:
-    """All that is known."""
+    """The run with its scenario and metrics."""
     return RunBody(**_summary(run), scenario=run.scenario, metrics=run.metrics)
 
 
@@ -70,7 +70,7 @@ def _files(run: Run) -> dict[str, str]:
 
 
 def address(run_id: str) -> str:
-    """Where a run is told."""
+    """Path of a run in the API."""
     return f"/api/v1/runs/{run_id}"
 
 

@@ -1,4 +1,4 @@
-"""What crosses the edge: bodies of requests, checked, and the live snapshot as JSON."""
+"""Bodies of requests and responses around the live robot, and the live snapshot as JSON."""
 
 import math
 from collections.abc import Iterable
@@ -15,20 +15,20 @@ from walkcore.scenario.recording import row
 
 
 class Body(BaseModel):
-    """Of a request: unknown keys, NaN, infinities and numbers as text are refused."""
+    """Body of a request: unknown keys, NaN, infinities and numbers as text are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class ReferenceBody(Body):
-    """Velocity asked of the CoM, in the robot's heading frame. What is missing is zero."""
+    """Requested velocity of the CoM, in the robot's heading frame; a missing component is zero."""
 
     vx: FiniteFloat = Field(default=0.0, description="Forward [m/s].")
     vy: FiniteFloat = Field(default=0.0, description="To the left [m/s].")
     yaw_rate: FiniteFloat = Field(default=0.0, description="Counter-clockwise [rad/s].")
 
     def to_reference(self) -> Reference:
-        """As the core knows it."""
+        """The reference as a value of the core."""
         return Reference(self.vx, self.vy, self.yaw_rate)
 
 
@@ -37,15 +37,15 @@ class PushBody(Body):
 
     impulse: list[FiniteFloat] = Field(min_length=2, max_length=2, description="[N s]")
     duration: FiniteFloat = Field(default=0.0, ge=0.0, description="[s]; zero gives it all in one tick.")
-    frame: Literal["robot", "world"] = Field(default="robot", description="Of the impulse.")
+    frame: Literal["robot", "world"] = Field(default="robot", description="Frame of the impulse.")
 
     def to_push(self) -> Push:
-        """As the core knows it."""
+        """The push as a value of the core."""
         return Push(self.impulse, self.duration, self.frame)  # type: ignore[arg-type]  # a list becomes an array
 
 
 class StepBody(Body):
-    """Single ticks of a paused robot, or up to a sample of the gait's grid; one tick if nothing is said."""
+    """Single ticks of a paused robot, or up to a sample of the gait's grid; one tick if neither is given."""
 
     ticks: int | None = Field(default=None, ge=1, le=1000)
     samples: int | None = Field(default=None, ge=1, le=50, description="1 goes to the next sample, and so on.")
@@ -66,7 +66,7 @@ class SpeedBody(Body):
 class RandomPushesBody(Body):
     """Pushes that come by themselves, from all sides."""
 
-    strength: FiniteFloat = Field(ge=0.0, description="Of the strongest [N s]; zero switches them off.")
+    strength: FiniteFloat = Field(ge=0.0, description="Impulse of the strongest push [N s]; zero switches them off.")
     interval: FiniteFloat = Field(
         default=5.0, ge=INTERVALS[0], le=INTERVALS[1], description="Mean time from one to the next [s]."
     )
@@ -74,14 +74,16 @@ class RandomPushesBody(Body):
 
 
 class SaveBody(Body):
-    """What to keep of the live robot."""
+    """The part of the live walk to keep."""
 
-    name: str = Field(default="", max_length=200, description="Of the run; the time of day if it is empty.")
-    before_reset: bool = Field(default=False, description="The walk before the last reset instead of the present one.")
+    name: str = Field(default="", max_length=200, description="Name of the run; the time of day if it is empty.")
+    before_reset: bool = Field(
+        default=False, description="Keep the walk before the last reset instead of the present one."
+    )
 
 
 class TeleopMessage(Body):
-    """What a joystick sends: a reference, a push, or both."""
+    """Message of a control in a browser: a reference, a push, or both."""
 
     reference: ReferenceBody | None = None
     push: PushBody | None = None
@@ -105,21 +107,21 @@ class FieldError(BaseModel):
 
 
 class ErrorBody(BaseModel):
-    """What every refused request answers."""
+    """Response to every refused request."""
 
     detail: str
-    """For a person."""
+    """The reason, for a person."""
     errors: list[FieldError] = []
-    """For a program: each value beyond its limit."""
+    """Each value beyond its limit, for a program."""
 
 
-class Limits(BaseModel):
-    """What may be asked of a robot."""
+class RobotLimits(BaseModel):
+    """Limits of references and pushes."""
 
     vx: tuple[float, float] = Field(description="[m/s]")
     vy: tuple[float, float] = Field(description="[m/s]")
     yaw_rate: tuple[float, float] = Field(description="[rad/s]")
-    push: float = Field(description="Strength of the strongest impulse [N s].")
+    push: float = Field(description="Strongest impulse [N s].")
 
 
 class RobotBody(BaseModel):
@@ -129,32 +131,32 @@ class RobotBody(BaseModel):
     mass: float = Field(description="[kg]")
     com_height: float = Field(description="[m]")
     has_body: bool = Field(description="False for a point mass with feet.")
-    limits: Limits
+    limits: RobotLimits
 
 
 class Health(BaseModel):
     """Whether the walk keeps up with real time, and what it costs."""
 
     status: Literal["ok", "degraded"]
-    reason: str = Field(description="Why it is degraded.")
+    reason: str = Field(description="Why the server is degraded.")
     version: str
     robot: str
     tick_rate: float = Field(description="Ticks per simulated second [Hz].")
-    speed: float = Field(description="Simulated over real time that is asked for.")
-    real_time_factor: float = Field(description="What is reached of that speed, over the last seconds.")
+    speed: float = Field(description="Requested ratio of simulated to real time.")
+    real_time_factor: float = Field(description="Fraction of that speed that was reached over the last seconds.")
     tick_ms: float = Field(description="Smoothed mean of a tick's computation [ms].")
-    tick_ms_max: float = Field(description="Largest of the last second [ms].")
+    tick_ms_max: float = Field(description="Largest computation of a tick in the last second [ms].")
     misses: int = Field(description="Ticks that started more than one period late.")
-    late: dict[str, int] = Field(description="Ticks that started later than so many ms.")
-    control_process: int = Field(description="Process in which the ticks are taken.")
+    late: dict[str, int] = Field(description="Number of ticks that started later than each number of ms.")
+    control_process: int = Field(description="Id of the process in which the ticks are taken.")
     memory_mb: float = Field(description="Resident memory of the server and its control process [MB].")
-    uptime: float = Field(description="[s]")
+    uptime: float = Field(description="Time since the server started [s].")
     clients: int = Field(description="Open streams of the live snapshot.")
 
 
 def robot_body(robot: Robot) -> RobotBody:
-    """A robot for a reader."""
-    limits = Limits(**robot.max_reference, push=robot.max_push)  # type: ignore[arg-type]  # its keys are ours
+    """A robot with its limits."""
+    limits = RobotLimits(**robot.max_reference, push=robot.max_push)  # type: ignore[arg-type]  # its keys are ours
     return RobotBody(
         name=robot.name,
         mass=robot.mass,
@@ -184,7 +186,7 @@ def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
 
 
 def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> dict[str, Any]:
-    """What a push would lead to."""
+    """The consequences of a push that was previewed."""
     return {
         "status": snapshot.status.value,
         "survives": is_caught(robot, snapshot, parameters),
@@ -193,7 +195,7 @@ def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> di
 
 
 def late_json(timing: Timing) -> dict[str, int]:
-    """Ticks that started later than each edge, by the edge in ms."""
+    """Number of ticks that started later than each edge, by the edge in ms."""
     return {f"{1e3 * edge:g}": timing.later_than(edge) for edge in LATENESS_EDGES}
 
 
@@ -214,7 +216,7 @@ def _timing_json(state: LiveState) -> dict[str, Any]:
 
 
 def plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
-    """Empty once the robot has fallen, but for the ground it lies on."""
+    """The plan of a snapshot; empty but for the support polygon once the robot has fallen."""
     plan = snapshot.plan
     footholds = () if plan is None else plan.footholds
     return {

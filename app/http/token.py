@@ -1,15 +1,18 @@
-"""Who knows the token may come in: to the page, the scene, the API, the sockets, all of it.
+"""Token authentication for the page, the scene, the API and the sockets.
 
-Programs send it as `Authorization: Bearer TOKEN`. A browser is shown a form once
-(`app.routes.signin`) and gets a cookie that scripts cannot read; the cookie is derived
-from the token and tells nothing of it.
+Programs send the token as `Authorization: Bearer TOKEN`. A browser is shown a form once and gets a cookie that scripts
+cannot read; the cookie is derived from the token and reveals nothing of it.
 """
 
+import asyncio
 import hashlib
 import hmac
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import quote
+from pathlib import Path
+from urllib.parse import parse_qs, quote
 
+from fastapi import APIRouter, Request
+from fastapi.responses import FileResponse
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -18,13 +21,15 @@ from starlette.websockets import WebSocketClose
 SIGN_IN = "/signin"
 HEALTH = "/api/v1/health"  # health checks have no token
 OPEN = {SIGN_IN, HEALTH, "/static/style.css", "/static/icon.svg"}
+COOKIE_AGE = 30 * 24 * 3600  # [s]
+WRONG_TOKEN_DELAY = 1.0  # [s], so that guessing takes long
 
 
 class Token:
-    """The token that is asked for."""
+    """The required token, and the cookie that stands for it."""
 
     def __init__(self, token: str) -> None:
-        """Known from outside."""
+        """Derive the cookie."""
         self._token = token.encode()
         self.cookie_value = hmac.new(self._token, b"the cookie of walk", hashlib.sha256).hexdigest()
         # Cookies do not tell ports apart: servers of one host must not overwrite each other's.
@@ -39,7 +44,7 @@ class Token:
         return cookie is not None and hmac.compare_digest(cookie.value.encode(), self.cookie_value.encode())
 
     def is_equal(self, given: bytes) -> bool:
-        """Whether it was given; takes as long wherever it differs."""
+        """Whether `given` is the token; takes as long wherever it differs."""
         return hmac.compare_digest(given, self._token)
 
 
@@ -51,7 +56,7 @@ class TokenMiddleware:
         self._app, self._token = app, token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on, or refuse: 401, or the form where a person looks at a page."""
+        """Pass on, or refuse: with the form where a person looks at a page, else with 401."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -78,3 +83,43 @@ def _cookies(headers: Headers) -> SimpleCookie:
         return SimpleCookie(headers.get("cookie", ""))
     except CookieError:
         return SimpleCookie()
+
+
+def signin_router(token: Token, form: Path) -> APIRouter:
+    """Routes of the form on which a person enters the token, once a browser.
+
+    Args:
+        token: for which the cookie is given.
+        form: file of the page.
+    """
+    router = APIRouter(include_in_schema=False)
+
+    @router.get(SIGN_IN)
+    async def show_form() -> FileResponse:
+        return FileResponse(form, headers={"Cache-Control": "no-store"})
+
+    @router.post(SIGN_IN)
+    async def sign_in(request: Request) -> Response:
+        fields = parse_qs((await request.body()).decode("latin-1"))
+        place = _local_place(fields.get("next", ["/"])[0])
+        if not token.is_equal(fields.get("token", [""])[0].encode()):
+            await asyncio.sleep(WRONG_TOKEN_DELAY)
+            return RedirectResponse(f"{SIGN_IN}?wrong&next={quote(place, safe='/')}", status_code=303)
+        response = RedirectResponse(place, status_code=303)
+        response.set_cookie(
+            token.cookie_name,
+            token.cookie_value,
+            max_age=COOKIE_AGE,
+            httponly=True,
+            samesite="lax",
+            secure=request.url.scheme == "https",
+        )
+        return response
+
+    return router
+
+
+def _local_place(place: str) -> str:
+    """The place to go on to, or `/` where it is on another site, which a second slash of either kind would name."""
+    is_local = place.startswith("/") and not place.startswith(("//", "/\\")) and place.isprintable()
+    return place if is_local else "/"

@@ -1,1 +1,5 @@
-"""REST and websockets: parse, wish or read, answer."""
+"""Routes of the API: each reads a request, hands it to runner, viewer or runs, and returns the response.
+
+`live_robot` and `sockets` command and show the robot on the page, `scripted_runs` takes scenarios, and `service` tells
+about the server. `dependencies` finds in the application what a route needs.
+"""

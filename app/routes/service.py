@@ -1,4 +1,4 @@
-"""About the server itself, and the robots it knows."""
+"""The server itself, and the robots and scenarios that ship with it."""
 
 import time
 from importlib.metadata import version
@@ -7,10 +7,10 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
-from app.http.metrics import SERVER, memory_of
+from app.http.prometheus import SERVER, memory_of
 from app.http.schemas import Health, RobotBody, late_json, robot_body
 from app.live.runner import LiveState
-from app.routes.connection import LiveRunner
+from app.routes.dependencies import LiveRunner
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
 SLOW = 0.95  # real-time factor below which a walk is degraded
@@ -39,19 +39,19 @@ async def health(request: Request, runner: LiveRunner) -> Health:
         control_process=runner.process_id,
         memory_mb=sum(memory_of(runner).values()) / 1e6,
         uptime=time.time() - SERVER.create_time(),
-        clients=request.app.state.nb_streams,
+        clients=request.app.state.streams.nb_clients,
     )
 
 
 @metrics_router.get("/metrics")
 async def metrics(request: Request) -> Response:
-    """The same and more for Prometheus."""
+    """The same measures and more for Prometheus."""
     return Response(request.app.state.metrics.text(), media_type=CONTENT_TYPE_LATEST)
 
 
 @router.get("/robots")
 async def robots() -> list[RobotBody]:
-    """The robots that ship, with the limits of what may be asked of them."""
+    """The robots that ship, with the limits of references and pushes."""
     return [robot_body(load_robot(name)) for name in robot_names()]
 
 
@@ -62,10 +62,10 @@ async def scenarios() -> list[dict[str, Any]]:
 
 
 def _trouble(state: LiveState) -> str:
-    """What keeps the server from its work; a robot that has fallen does not."""
+    """Why the server is degraded, or empty; a robot that has fallen does not degrade it."""
     if state.fault:
         return state.fault
     if state.running and state.timing.real_time_factor < SLOW:
-        asked = "real time" if state.speed == 1.0 else f"the speed asked for, {state.speed:g} times real time"
-        return f"simulated time runs at {state.timing.real_time_factor:.2f} of {asked}"
+        requested = "real time" if state.speed == 1.0 else f"the requested speed, {state.speed:g} times real time"
+        return f"simulated time runs at {state.timing.real_time_factor:.2f} of {requested}"
     return ""

@@ -1,8 +1,10 @@
-"""Websockets of the robot that walks on the page: snapshots out, joystick in. Latest value wins on both."""
+"""Websockets of the robot that walks on the page: snapshots out, teleop in. The latest value wins on both."""
 
 import asyncio
+import math
 import secrets
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
@@ -10,52 +12,79 @@ import msgspec
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from app.http.errors import field_errors, summary
+from app.http.refusals import field_errors, summary
 from app.http.schemas import TeleopMessage, live_json
-from app.live.runner import TeleopClient
-from app.routes.connection import LiveRunner
+from app.live.runner import LiveState, Runner, TeleopClient
+from app.routes.dependencies import LiveRunner
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
 MAX_MESSAGE = 4096  # characters
+EARLY = 1e-3  # of a period: an event loop may wake so much before a time, and would send twice
+Encoding = Literal["json", "msgpack"]
 
 router = APIRouter(prefix="/api/v1/live")
+
+
+class SnapshotStreams:
+    """The live snapshot for any number of streams, encoded once for all that are due at the same time."""
+
+    def __init__(self, runner: Runner) -> None:
+        """Serve the snapshots of a robot."""
+        self._runner = runner
+        self._state: LiveState | None = None
+        self._encoded: dict[Encoding, str | bytes] = {}
+        self.nb_clients = 0
+        """Number of open streams."""
+
+    def latest(self, encoding: Encoding) -> str | bytes:
+        """The latest snapshot as text in JSON, or the same keys and values in binary MessagePack."""
+        state = self._runner.latest
+        if state is not self._state:
+            self._state, self._encoded = state, {}
+        if encoding not in self._encoded:
+            self._encoded[encoding] = _ENCODERS[encoding](live_json(state, self._runner.robot))
+        return self._encoded[encoding]
+
+
+_ENCODERS: dict[Encoding, Callable[[dict[str, Any]], str | bytes]] = {
+    "json": lambda snapshot: msgspec.json.encode(snapshot).decode(),
+    "msgpack": msgspec.msgpack.encode,
+}
 
 
 @router.websocket("/stream")
 async def stream(
     socket: WebSocket,
-    runner: LiveRunner,
     rate: Annotated[float, Query(ge=0.1, le=60.0, allow_inf_nan=False)] = 30.0,
-    format: Literal["json", "msgpack"] = "json",
+    format: Encoding = "json",
 ) -> None:
     """Send the latest snapshot `rate` times a second, or as often as the reader can take it.
 
     As text in JSON, or the same keys and values in binary MessagePack.
     """
     await socket.accept()
-    socket.app.state.nb_streams += 1
+    streams: SnapshotStreams = socket.app.state.streams
+    send = socket.send_text if format == "json" else socket.send_bytes
+    streams.nb_clients += 1
     try:
         with suppress(WebSocketDisconnect):
-            due = time.monotonic()
             while True:
-                await _send(socket, live_json(runner.latest, runner.robot), format)
-                due = max(due + 1.0 / rate, time.monotonic())  # what is late is not made up for
-                await asyncio.sleep(due - time.monotonic())
+                await send(streams.latest(format))  # pyright: ignore[reportArgumentType]  # text goes with JSON
+                await asyncio.sleep(time_to_next(rate))
     finally:
-        socket.app.state.nb_streams -= 1
+        streams.nb_clients -= 1
 
 
-async def _send(socket: WebSocket, snapshot: dict[str, Any], format: str) -> None:
-    if format == "msgpack":
-        await socket.send_bytes(msgspec.msgpack.encode(snapshot))
-    else:
-        await socket.send_text(msgspec.json.encode(snapshot).decode())
+def time_to_next(rate: float) -> float:
+    """Time until the next multiple of the period [s], at which all streams of this rate are due together."""
+    now = time.monotonic()
+    return (math.floor(now * rate + EARLY) + 1) / rate - now
 
 
 @router.websocket("/teleop")
 async def teleop(socket: WebSocket, runner: LiveRunner, client: Annotated[str, Query(max_length=64)] = "") -> None:
-    """Take joystick and push messages, clamped to the robot's limits; bad ones are answered and change nothing.
+    """Take references and pushes, clamped to the robot's limits; bad messages are reported and change nothing.
 
     The live snapshot names the `client` that drives: whatever a page calls itself, or a name of our own.
     """
@@ -72,11 +101,11 @@ async def teleop(socket: WebSocket, runner: LiveRunner, client: Annotated[str, Q
 
 
 def _obey(text: str, client: TeleopClient) -> None:
-    """Do what a message asks.
+    """Carry out a teleop message.
 
     Raises:
         ValidationError: if it is not a message.
-        InvalidValueError: if it is too long, or asks for what cannot be clamped.
+        InvalidValueError: if it is too long, or requests what cannot be clamped.
     """
     check_range("length", len(text), 0, MAX_MESSAGE)
     message = TeleopMessage.model_validate_json(text)

@@ -1,6 +1,6 @@
 """Shows the runner's latest snapshot in a viser scene, at a steady rate, while somebody looks.
 
-viser listens on a loopback port of its own, which `app.http.proxy` serves to the outside.
+viser listens on a loopback port of its own, which `app.http.page` serves to the outside.
 """
 
 import asyncio

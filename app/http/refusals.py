@@ -16,38 +16,38 @@ from app.live.runner import NoResponseError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError, WalkError
 
-MAX_ERRORS = 20  # of one body that are told
+MAX_ERRORS = 20  # of one body that are reported
 MAX_SHOWN = 100  # characters of a refused value that are sent back
-# What the core calls what here is the body.
+# The core names fields from the outermost of these, which here is the body itself.
 BODIES = ("reference", "push", "parameters", "scenario", "speed", "random_pushes")
 
 
 def install(app: FastAPI) -> None:
-    """Give every refusal the one shape."""
+    """Give the refusals of all routes the one shape."""
     app.add_exception_handler(HTTPException, _refuse_request)
     app.add_exception_handler(RequestValidationError, _refuse_body)
     app.add_exception_handler(InvalidValueError, _refuse_value)
     app.add_exception_handler(WalkError, _refuse_walk)
     app.add_exception_handler(NotPausedError, _refuse_now)
     app.add_exception_handler(NothingToSaveError, _refuse_now)
-    app.add_exception_handler(NoResponseError, _cannot_answer)
+    app.add_exception_handler(NoResponseError, _refuse_without_response)
     app.add_exception_handler(NoRecordingError, _refuse_now)
     app.add_exception_handler(UnknownRunError, _refuse_unknown)
     app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
 
 
 def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
-    """Pydantic's errors as ours.
+    """Errors of Pydantic in our shape.
 
     Args:
         errors: as `ValidationError.errors()` gives them.
-        outermost: how many of the first parts of a field's path to leave out.
+        outermost: number of leading parts of a field's path to leave out.
     """
     return [_field_error(error, outermost) for error in errors[:MAX_ERRORS]]
 
 
 def summary(errors: Sequence[FieldError]) -> str:
-    """For a person: each field, its value and its limit."""
+    """One line for a person: each field, its value and its limit."""
     return "; ".join(f"{error.field} = {error.value!r}: {error.limit}" for error in errors)
 
 
@@ -59,13 +59,13 @@ def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
         return FieldError(field=path or "body", value=None, limit="is missing")
     if error["type"] == "extra_forbidden":
         return FieldError(field=path, value=_shown(error["input"]), limit="is unknown")
-    is_unread = isinstance(error["input"], bytes)
-    limit = "must be JSON, sent as Content-Type: application/json" if is_unread else error["msg"]
+    is_raw = isinstance(error["input"], bytes)
+    limit = "must be JSON, sent as Content-Type: application/json" if is_raw else error["msg"]
     return FieldError(field=path or "body", value=_shown(error["input"]), limit=limit)
 
 
 def _shown(value: Any) -> Any:
-    """A refused value as JSON can carry it: NaN, infinities and what is not a plain value as text, none long."""
+    """A refused value as JSON can carry it: NaN, infinities and all that is no plain value as text, none long."""
     is_number = isinstance(value, (int, float)) and abs(value) < math.inf
     # reprlib, as the text of a deeply nested value is more than Python can write
     text = value if isinstance(value, str) else reprlib.repr(value)
@@ -73,11 +73,11 @@ def _shown(value: Any) -> Any:
 
 
 def _readable(text: str) -> str:
-    """Text of a stranger as JSON can carry it, not long."""
+    """Text from outside as JSON can carry it, not long."""
     return text[:MAX_SHOWN].encode(errors="replace").decode()
 
 
-def _answer(
+def _response(
     status: int, detail: str, errors: Sequence[FieldError] = (), headers: Mapping[str, str] | None = None
 ) -> JSONResponse:
     return JSONResponse(ErrorBody(detail=detail, errors=list(errors)).model_dump(), status, headers)
@@ -86,14 +86,16 @@ def _answer(
 async def _refuse_request(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     if error.status_code == 400:  # only from FastAPI, for JSON that no parser can take: nested or digits beyond limit
-        return _answer(422, error.detail, [FieldError(field="body", value=None, limit="is not JSON that can be read")])
-    return _answer(error.status_code, error.detail, headers=error.headers)
+        return _response(
+            422, error.detail, [FieldError(field="body", value=None, limit="is not JSON that can be read")]
+        )
+    return _response(error.status_code, error.detail, headers=error.headers)
 
 
 async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     errors = field_errors(error.errors(), outermost=1)  # "body" or "query"
-    return _answer(422, summary(errors), errors)
+    return _response(422, summary(errors), errors)
 
 
 async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
@@ -102,25 +104,25 @@ async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
     whole = error.field.partition(".")[0]
     field = error.field.removeprefix(f"{whole}.") if whole in BODIES else error.field
     errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
-    return _answer(422, summary(errors), errors)
+    return _response(422, summary(errors), errors)
 
 
 async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
-    return _answer(422, str(error))
+    return _response(422, str(error))
 
 
-async def _cannot_answer(_: Request, error: Exception) -> JSONResponse:
-    return _answer(503, str(error))
+async def _refuse_without_response(_: Request, error: Exception) -> JSONResponse:
+    return _response(503, str(error))
 
 
 async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:
-    return _answer(404, str(error))
+    return _response(404, str(error))
 
 
 async def _refuse_for_a_while(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RunsUnavailableError)
-    return _answer(503, str(error), headers={"Retry-After": str(error.retry_after)})
+    return _response(503, str(error), headers={"Retry-After": str(error.retry_after)})
 
 
 async def _refuse_now(_: Request, error: Exception) -> JSONResponse:
-    return _answer(409, str(error))
+    return _response(409, str(error))

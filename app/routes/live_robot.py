@@ -1,10 +1,11 @@
-"""The robot that walks on the page: what it does, and what it is asked."""
+"""The robot that walks on the page: its state, its parameters, commands, and what is drawn of it."""
 
 import asyncio
 from datetime import UTC, datetime
 from typing import Any
 
 from fastapi import APIRouter, Response
+from pydantic import StrictBool
 
 from app.http.run_schemas import RunBody, address, run_body
 from app.http.schemas import (
@@ -18,8 +19,8 @@ from app.http.schemas import (
     live_json,
     preview_json,
 )
-from app.routes.connection import LiveRunner
-from app.routes.runs import AllRuns
+from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer
+from app.viewer.panel.view_tab import DEFAULTS
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
 
@@ -34,7 +35,7 @@ async def live(runner: LiveRunner) -> dict[str, Any]:
 
 @router.put("/reference")
 async def reference(body: ReferenceBody, runner: LiveRunner) -> ReferenceBody:
-    """Ask for a velocity from the next tick on, until somebody asks for another."""
+    """Request a velocity from the next tick on, until there is another request."""
     runner.drive(body.to_reference(), "rest")
     return body
 
@@ -53,21 +54,21 @@ async def defaults(runner: LiveRunner) -> dict[str, Any]:
 
 @router.patch("/parameters")
 async def change(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
-    """Change some parameters while the robot walks, the scheme included; answers all of them."""
+    """Change some parameters while the robot walks, the scheme included; returns all of them."""
     await asyncio.wrap_future(runner.change(values))
     return runner.parameters.to_mapping()
 
 
 @router.post("/push")
 async def push(body: PushBody, runner: LiveRunner) -> PushBody:
-    """Shove the robot at the next tick; of several within one tick the last one counts."""
+    """Push the robot at the next tick; of several within one tick the last one counts."""
     runner.push(body.to_push())
     return body
 
 
 @router.post("/preview")
 async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
-    """The plan that would answer this push if it came now, all at once; the robot does not feel it.
+    """The plan that would follow this push if it came now, all at once; the robot does not feel it.
 
     `survives` tells whether the legs are long enough for that plan, and further steps can catch the robot at its end.
     """
@@ -78,13 +79,13 @@ async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
 @router.put("/random-pushes")
 async def random_pushes(body: RandomPushesBody, runner: LiveRunner) -> dict[str, Any]:
     """Let pushes come by themselves, each like any other push; `{"strength": 0}` ends them."""
-    wish = runner.push_at_random(body.strength, body.interval, body.seed)
-    return live_json(await asyncio.wrap_future(wish), runner.robot)
+    request = runner.push_at_random(body.strength, body.interval, body.seed)
+    return live_json(await asyncio.wrap_future(request), runner.robot)
 
 
 @router.post("/speed")
 async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
-    """Let simulated time pass so many times as fast as real time."""
+    """Let simulated time pass `factor` times as fast as real time."""
     return live_json(await asyncio.wrap_future(runner.set_speed(body.factor)), runner.robot)
 
 
@@ -92,15 +93,15 @@ async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
     "/save",
     status_code=201,
     responses={
-        201: {"headers": {"Location": {"description": "Where the run is told.", "schema": {"type": "string"}}}},
+        201: {"headers": {"Location": {"description": "Address of the run.", "schema": {"type": "string"}}}},
         409: {"model": ErrorBody, "description": "There was no walk before the last reset."},
     },
 )
 async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
     """Keep the last minute of the robot as a run that is done, with the scenario that leads to the same again."""
-    asked = body or SaveBody()
-    session = await asyncio.wrap_future(runner.save(asked.before_reset))
-    name = asked.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
+    requested = body or SaveBody()
+    session = await asyncio.wrap_future(runner.save(requested.before_reset))
+    name = requested.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
     run = await asyncio.to_thread(lambda: runs.add_finished(session.recording(name, runner.robot)))
     response.headers["Location"] = address(run.id)
     return run_body(run)
@@ -108,7 +109,7 @@ async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: Save
 
 @router.post("/pause")
 async def pause(runner: LiveRunner) -> dict[str, Any]:
-    """Stop time; answers the snapshot at which it stands still."""
+    """Stop time; returns the snapshot at which it stands still."""
     return live_json(await asyncio.wrap_future(runner.pause()), runner.robot)
 
 
@@ -120,13 +121,31 @@ async def resume(runner: LiveRunner) -> dict[str, Any]:
 
 @router.post("/step", responses={409: {"model": ErrorBody, "description": "The robot is not paused."}})
 async def step(runner: LiveRunner, body: StepBody | None = None) -> dict[str, Any]:
-    """Take single ticks while paused, or go to a coming sample; answers the snapshot of the last tick."""
-    asked = body or StepBody()
-    wish = runner.step(asked.ticks or 1) if asked.samples is None else runner.step_samples(asked.samples)
-    return live_json(await asyncio.wrap_future(wish), runner.robot)
+    """Take single ticks while paused, or go to a coming sample; returns the snapshot of the last tick."""
+    steps = body or StepBody()
+    request = runner.step(steps.ticks or 1) if steps.samples is None else runner.step_samples(steps.samples)
+    return live_json(await asyncio.wrap_future(request), runner.robot)
 
 
 @router.post("/reset")
 async def reset(runner: LiveRunner) -> dict[str, Any]:
-    """Put the robot back to rest at tick 0, with nothing asked of it; a paused one stays paused."""
+    """Put the robot back to rest at tick 0, with no reference and no push; a paused one stays paused."""
     return live_json(await asyncio.wrap_future(runner.reset()), runner.robot)
+
+
+@router.get("/layers")
+async def layers(viewer: LiveViewer) -> dict[str, bool]:
+    """Which layers of the scene are drawn, for all browsers."""
+    return viewer.layers
+
+
+@router.get("/layers/defaults")
+async def default_layers() -> dict[str, bool]:
+    """The layers that the server started with."""
+    return DEFAULTS
+
+
+@router.patch("/layers")
+async def switch_layers(values: dict[str, StrictBool], viewer: LiveViewer) -> dict[str, bool]:
+    """Draw some layers or hide them; returns all of them."""
+    return await asyncio.wrap_future(viewer.switch(values))

@@ -1,22 +1,23 @@
-"""Scripted runs: send a scenario, follow it, take its recording away."""
+"""Scripted runs: send a scenario, follow its run, download its recording."""
 
 import asyncio
 import re
 from collections.abc import AsyncIterable
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from app.formats import FORMATS
-from app.http.body_limit import MAX_BODY
+from app.http.guards import MAX_BODY
 from app.http.run_schemas import RunBody, RunSummary, address, run_body, run_summary
 from app.http.scenario_schema import ScenarioBody
 from app.http.schemas import ErrorBody
+from app.routes.dependencies import AllRuns, KnownRun
 from app.runs import Run, Runs
 
-EVENT_PERIOD = 0.2  # [s] between looks at a run that is followed
+EVENT_PERIOD = 0.2  # [s] between checks of a run that is followed
 
 BUSY: dict[str, Any] = {
     "model": ErrorBody,
@@ -31,23 +32,11 @@ router = APIRouter(
 )
 
 
-async def _runs(request: Request) -> Runs:
-    return request.app.state.runs
-
-
-def _known(run_id: str, runs: "AllRuns") -> Run:
-    return runs.get(run_id)
-
-
-AllRuns = Annotated[Runs, Depends(_runs)]
-KnownRun = Annotated[Run, Depends(_known)]
-
-
 @router.post(
     "",
     status_code=202,
     responses={
-        202: {"headers": {"Location": {"description": "Where the run is told.", "schema": {"type": "string"}}}},
+        202: {"headers": {"Location": {"description": "Address of the run.", "schema": {"type": "string"}}}},
         413: {"model": ErrorBody, "description": f"The body is longer than {MAX_BODY} bytes."},
         422: {
             "model": ErrorBody,
@@ -57,7 +46,7 @@ KnownRun = Annotated[Run, Depends(_known)]
     },
 )
 def submit(scenario: ScenarioBody, runs: AllRuns, response: Response) -> RunBody:
-    """Simulate a scenario, as `walk run` does with a file of the same content; answers at once."""
+    """Simulate a scenario, as `walk run` does with a file of the same content; responds at once."""
     run = runs.submit(scenario.source)
     response.headers["Location"] = address(run.id)
     return run_body(run)
@@ -71,7 +60,7 @@ def all_runs(runs: AllRuns) -> list[RunSummary]:
 
 @router.get("/{run_id}", responses=UNKNOWN)
 def one_run(run: KnownRun) -> RunBody:
-    """How a run stands: queued, running with its progress, done with its metrics, failed with the reason, cancelled."""
+    """The state of a run: queued, running with progress, done with metrics, failed with the reason, or cancelled."""
     return run_body(run)
 
 
@@ -93,15 +82,15 @@ REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/sch
     responses={404: REFUSED | {"description": "There is no such run."}, 422: REFUSED | {"description": "Bad input."}},
 )
 async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]:
-    """Follow a run by server-sent events: how it stands, whenever that changes, until it has ended."""
-    told = run_summary(run)
-    yield ServerSentEvent(data=told)
+    """Follow a run by server-sent events: its state, whenever that changes, until it has ended."""
+    sent = run_summary(run)
+    yield ServerSentEvent(data=sent)
     while not run.has_ended:
         await asyncio.sleep(EVENT_PERIOD)
         run = runs.get(run.id)
-        if (now := run_summary(run)) != told:
-            told = now
-            yield ServerSentEvent(data=told)
+        if (now := run_summary(run)) != sent:
+            sent = now
+            yield ServerSentEvent(data=sent)
 
 
 NO_RECORDING = UNKNOWN | {409: {"model": ErrorBody, "description": "The run is not done: it has no files."}}
@@ -117,7 +106,7 @@ def recording(
     ending: Ending,  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
     runs: AllRuns,
 ) -> FileResponse:
-    """The recording, the same bytes as from `walk run`; but for npz and csv it is made when first asked for."""
+    """The recording, the same bytes as from `walk run`; other formats than npz and csv are made on first request."""
     return _download(run, f"recording.{ending}", runs)
 
 
@@ -128,7 +117,7 @@ def run_json(run: KnownRun, runs: AllRuns) -> FileResponse:
 
 
 def _download(run: Run, name: str, runs: Runs) -> FileResponse:
-    """A file, under a name that tells the scenario."""
+    """A file, named after the scenario."""
     media_type = next((form.media_type for form in FORMATS.values() if form.file == name), "application/json")
     stem = re.sub(r"[^\w.-]+", "-", run.name)[:60]
     return FileResponse(

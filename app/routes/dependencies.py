@@ -1,0 +1,38 @@
+"""Parts of the application that routes depend on.
+
+Coroutines where nothing blocks, since FastAPI takes a thread for each plain function.
+"""
+
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from app.live.runner import Runner
+from app.runs import Run, Runs
+from app.viewer import Viewer
+
+
+async def _runner(connection: HTTPConnection) -> Runner:
+    return connection.app.state.runner
+
+
+async def _viewer(connection: HTTPConnection) -> Viewer:
+    return connection.app.state.viewer
+
+
+async def _runs(connection: HTTPConnection) -> Runs:
+    return connection.app.state.runs
+
+
+LiveRunner = Annotated[Runner, Depends(_runner)]
+LiveViewer = Annotated[Viewer, Depends(_viewer)]
+AllRuns = Annotated[Runs, Depends(_runs)]
+
+
+def _run(run_id: str, runs: AllRuns) -> Run:
+    """The run of a path, read from the disk: not a coroutine, which would hold up the event loop."""
+    return runs.get(run_id)
+
+
+KnownRun = Annotated[Run, Depends(_run)]
