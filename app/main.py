@@ -15,7 +15,7 @@ from app.http.prometheus import LiveMetrics
 from app.http.token import Token, TokenMiddleware, signin_router
 from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
-from app.runs import Limits, Runs
+from app.runs import RunLimits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, Look, Viewer
 from walkcore import Parameters, load_robot
@@ -92,7 +92,7 @@ def create_app(settings: Settings) -> FastAPI:
 
 
 def _runs(settings: Settings) -> Runs:
-    limits = Limits(settings.runs_max_duration, settings.runs_max_ticks, settings.runs_max_events)
+    limits = RunLimits(settings.runs_max_duration, settings.runs_max_ticks, settings.runs_max_events)
     return Runs(
         settings.walk_data,
         nb_workers=settings.runs_workers,

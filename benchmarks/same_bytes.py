@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.batch import Job, simulate
+from app.commands.run_commands import simulate_all
+from app.runs.simulation import Simulate
 from app.settings import usable_cores
-from walkcore import scenario_names
+from walkcore import load_scenario, scenario_names
 
 
 def main() -> None:
@@ -37,9 +38,9 @@ def main() -> None:
 
 
 def _walk(out: Path) -> None:
-    jobs = [Job(name, out / name, ("npz", "csv")) for name in scenario_names()]
-    for outcome in simulate(jobs, usable_cores(), shows_progress=True):
-        assert not outcome.error, outcome.error
+    jobs = [Simulate(load_scenario(name).source, out / name) for name in scenario_names()]
+    for _, done in simulate_all(jobs, usable_cores(), shows_progress=True):
+        done.result()
 
 
 def _differences(before: Path, after: Path) -> Iterator[str]:

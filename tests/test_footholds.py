@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from app.footholds.report import summary, write
-from app.footholds.study import Study, study
+from app.footholds.foothold_files import summary, write
+from app.footholds.foothold_study import FootholdStudy, study
 from walkcore import load_robot
 from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.footholds.collisions import SAFETY_DISTANCE, LegDistances
@@ -28,7 +28,7 @@ def trial() -> StepFeasibility:
 
 
 @pytest.fixture(scope="module")
-def found() -> Study:
+def found() -> FootholdStudy:
     return study(load_robot("talos"), com_height=0.87, nb_samples=SAMPLES, seed=3, nb_workers=2, edge_spacing=0.5)
 
 

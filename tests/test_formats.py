@@ -15,8 +15,7 @@ import pytest
 import zstandard
 from mcap.reader import make_reader
 
-from app.formats import FORMATS, write_run
-from app.formats.units import unit
+from app.formats import FORMATS, unit, write_run
 from walkcore import record
 from walkcore.scenario.recording import Recording
 from walkcore.scenario.replay import replayed

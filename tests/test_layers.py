@@ -26,7 +26,9 @@ CORE = """
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.metrics
     scenario.recording scenario.session scenario.replay
 """.split()
-SERVER = "settings drawing live viewer formats runs http bench figures report footholds routes main commands".split()
+SERVER = """
+    settings jobs drawing live viewer formats runs http bench figures report footholds routes main commands
+""".split()
 
 
 def modules(package: str) -> list[Path]:

@@ -20,8 +20,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.formats import FORMATS, write_run
-from app.runs import Limits, NoRecordingError, Run, Runs, RunsUnavailableError, UnknownRunError
-from app.runs.limits import checked_scenario
+from app.runs import NoRecordingError, Run, RunLimits, Runs, RunsUnavailableError, UnknownRunError
+from app.runs.admission import admitted_scenario
 from app.runs.store import SERVER_DIED, RunStore
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
@@ -77,7 +77,7 @@ def runs(tmp_path) -> Iterator[Runs]:
 
 
 def service(folder: Path, **changes: Any) -> Runs:
-    sizes = {"nb_workers": 1, "nb_queued": 5, "nb_kept": 10, "bytes_kept": 10**9, "limits": Limits()}
+    sizes = {"nb_workers": 1, "nb_queued": 5, "nb_kept": 10, "bytes_kept": 10**9, "limits": RunLimits()}
     return Runs(folder, **(sizes | changes))
 
 
@@ -454,9 +454,9 @@ def test_whatever_stands_in_a_scenario_is_taken_or_refused(path, value):
         place = place[key]
     place[path[-1]] = value
     try:
-        checked = checked_scenario(scenario, Limits())
+        admitted = admitted_scenario(scenario, RunLimits())
     except InvalidValueError as error:
         assert error.field and error.limit
     else:
-        assert checked.nb_ticks <= Limits().ticks and np.isfinite(checked.duration)
-        assert json.dumps(scenario, allow_nan=False, ensure_ascii=False).encode() and len(checked.name) <= 1000
+        assert admitted.nb_ticks <= RunLimits().ticks and np.isfinite(admitted.duration)
+        assert json.dumps(scenario, allow_nan=False, ensure_ascii=False).encode() and len(admitted.name) <= 1000

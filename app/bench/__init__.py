@@ -1,6 +1,5 @@
-"""What a tick costs: by stage, by solver, and against real time."""
+"""Measurements of what a tick costs: `bench` of all of it, `solvers` of the QPs alone."""
 
-from app.bench.bench import Bench, bench
-from app.bench.table import table
+from app.bench.bench import Bench, bench, table
 
 __all__ = ["Bench", "bench", "table"]

@@ -1,16 +1,15 @@
-"""Everything measured in one run, on one core."""
+"""The cost of a tick, everything measured in one run and on one core: by stage, by solver, and against real time."""
 
 import gc
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
-from app.bench.durations import Durations
-from app.bench.solvers import SolverResult, compare, problems_of
+from app.bench.solvers import Durations, SolverResult, compare, problems_of
 from walkcore import Scenario, Simulation, load_scenario
 from walkcore.mpc.qp import SOLVERS
 from walkcore.stages import Stopwatch
@@ -22,56 +21,57 @@ PERIODS = (0.1, 0.005)  # [s]: the paper's, and that of the live walk
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
-    """How much faster than real time a walk was simulated."""
+class WalkSpeed:
+    """The speed at which a walk was simulated."""
 
     control_period: float
-    """[s]."""
+    """Time from one tick to the next [s]."""
     has_body: bool
     real_time_factor: float
+    """Simulated over real time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """The whole result; durations in microseconds."""
+    """The whole result."""
 
     machine: Mapping[str, Any]
     scenario: str
     stages: Mapping[str, Durations]
-    """Of a tick with the body and the dynamic filter, as in the live walk."""
+    """Stages of a tick with the body and the dynamic filter, as in the live walk."""
     tick: Durations
     assemble_and_solve: Durations
-    """Of the point mass, as the next two."""
+    """Assembling and solving for the point mass, the check of the solution included."""
     solver_itself: Durations
-    """Its share of that, where it happens: between other things, so with colder caches than in a loop of QPs."""
+    """The solver's share of that, measured between other work, so with colder caches than in a loop of QPs."""
     around_solver: Durations
-    """The rest of it: building the QP, reading the solution, checking where it leads."""
+    """The rest of that: building the QP, reading the solution, checking where it leads."""
     solvers: Mapping[str, SolverResult]
-    paces: tuple[Pace, ...]
+    speeds: tuple[WalkSpeed, ...]
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """The result as plain values, for JSON."""
         return asdict(self)
 
 
-def bench(tell: Callable[[str], None], motion: Scenario | None = None) -> Bench:
-    """Measure; takes half a minute.
+def bench(report: Callable[[str], None], motion: Scenario | None = None) -> Bench:
+    """Measure for half a minute.
 
     Args:
-        tell: is told what is being measured.
-        motion: of a robot with a body; the paper's if none is given.
+        report: called with a name of what is measured next.
+        motion: of a robot with a body; None takes the paper's.
     """
     motion = load_scenario(MOTION) if motion is None else motion
-    tell("the stages of a tick")
+    report("the stages of a tick")
     live = replace(motion, parameters=replace(motion.parameters, dynamic_filter=True))
     ticks = laps(live)
-    tell("the QP")
+    report("the QP")
     point_mass = motion.without_body()
     planning = laps(point_mass)
     problems = problems_of(point_mass, NB_QPS)
-    tell("the solvers")
+    report("the solvers")
     solvers = compare(problems, motion.parameters.horizon_samples)
-    tell("walks against real time")
+    report("walks against real time")
     walks = [(period, has_body) for period in PERIODS for has_body in (False, True)]
     return Bench(
         machine=_machine(),
@@ -82,7 +82,7 @@ def bench(tell: Callable[[str], None], motion: Scenario | None = None) -> Bench:
         solver_itself=Durations.of(tick["solve"] for tick in planning),
         around_solver=Durations.of(planning_time(tick) - tick["solve"] for tick in planning),
         solvers=solvers,
-        paces=tuple(_pace(motion, period, has_body) for period, has_body in walks),
+        speeds=tuple(_speed(motion, period, has_body) for period, has_body in walks),
     )
 
 
@@ -100,7 +100,7 @@ def laps(scenario: Scenario) -> list[dict[str, float]]:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Without the garbage collector, which the live control process lets run between ticks only."""
+    """Switch off the garbage collector, which the live control process lets run between ticks only."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -111,24 +111,24 @@ def _no_collection() -> Iterator[None]:
 
 
 def planning_time(tick: Mapping[str, float]) -> float:
-    """What assembling and solving took, the check of the solution included [s]."""
+    """Time for assembling and solving, the check of the solution included [s]."""
     return sum(tick[stage] for stage in PLANNING)
 
 
 def by_stage(ticks: list[dict[str, float]]) -> dict[str, Durations]:
-    """Summed up, in the order in which the stages come; a stage counts where it happens."""
+    """Summary of each stage, in the order in which they come, over the ticks that have it."""
     stages = dict.fromkeys(stage for tick in ticks for stage in tick)
     return {stage: Durations.of(tick[stage] for tick in ticks if stage in tick) for stage in stages}
 
 
-def _pace(motion: Scenario, control_period: float, has_body: bool) -> Pace:
+def _speed(motion: Scenario, control_period: float, has_body: bool) -> WalkSpeed:
     parameters = replace(motion.parameters, control_period=control_period)
     scenario = replace(motion if has_body else motion.without_body(), parameters=parameters)
     simulation, commands = Simulation(scenario.robot, parameters), list(scenario.commands())
     begin = time.perf_counter()
     for command in commands:
         simulation.step(command)
-    return Pace(control_period, has_body, scenario.duration / (time.perf_counter() - begin))
+    return WalkSpeed(control_period, has_body, scenario.duration / (time.perf_counter() - begin))
 
 
 def _machine() -> dict[str, Any]:
@@ -138,3 +138,50 @@ def _machine() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: version(name) for name in packages},
     }
+
+
+def table(bench: Bench) -> str:
+    """The result as text for a terminal."""
+    return "\n\n".join([_stages(bench), _solvers(bench), _speeds(bench)]) + "\n"
+
+
+def _stages(bench: Bench) -> str:
+    rows = [(stage, *_numbers(duration)) for stage, duration in bench.stages.items()]
+    rows += [("whole tick", *_numbers(bench.tick))]
+    rows += [
+        ("assemble + solve *", *_numbers(bench.assemble_and_solve)),
+        ("the solver itself *", *_numbers(bench.solver_itself)),
+        ("around the solver *", *_numbers(bench.around_solver)),
+    ]
+    note = "* of the point mass, the check where the solution leads included"
+    return _columns(("stage [us]", "median", "p99", "max"), rows) + f"\n{note}"
+
+
+def _solvers(bench: Bench) -> str:
+    head = ("solver [us]", "median", "p99", "max", "ratio", "foothold error p95 [mm]", "max [mm]")
+    rows = [
+        (name, *_numbers(r.duration), f"{r.ratio:.2f}", f"{r.foothold_error_p95:.4f}", f"{r.foothold_error_max:.4f}")
+        for name, r in bench.solvers.items()
+    ]
+    return _columns(head, rows)
+
+
+def _speeds(bench: Bench) -> str:
+    rows = [
+        ("with the body" if p.has_body else "point mass", f"{1e3 * p.control_period:g}", f"{p.real_time_factor:.1f}")
+        for p in bench.speeds
+    ]
+    return _columns((bench.scenario, "period [ms]", "times real time"), rows)
+
+
+def _numbers(duration: Durations) -> tuple[str, ...]:
+    return tuple(f"{value:.0f}" for value in (duration.median, duration.p99, duration.max))
+
+
+def _columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
+        for line in lines
+    )

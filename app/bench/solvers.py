@@ -1,14 +1,13 @@
 """Solvers side by side on the QPs of a walk, with the accuracy of what the QP is for: the next foothold."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import quadprog
 
-from app.bench.durations import Durations
 from walkcore import Scenario, Simulation
 from walkcore.mpc.preview import Layout
 from walkcore.mpc.qp import QP, SOLVERS, Solver
@@ -20,20 +19,44 @@ COST_UNIT = 1e6  # its tolerances are absolute, and the cost is small
 
 
 @dataclass(frozen=True, slots=True)
+class Durations:
+    """Summary of the durations of something that was done many times [us]."""
+
+    median: float
+    p99: float
+    max: float
+
+    @classmethod
+    def of(cls, seconds: Iterable[float]) -> "Durations":
+        """The summary of durations.
+
+        Args:
+            seconds: one or more durations [s].
+        """
+        us = 1e6 * np.array(list(seconds))
+        return cls(float(np.median(us)), float(np.percentile(us, 99)), float(np.max(us)))
+
+
+@dataclass(frozen=True, slots=True)
 class SolverResult:
-    """What a solver takes for the QPs of a walk, and how far its footholds are from the exact ones."""
+    """Duration and accuracy of a solver on the QPs of a walk."""
 
     duration: Durations
     ratio: float
-    """Median over that of the exact solver."""
+    """Median duration over that of the exact solver."""
     foothold_error_p95: float
-    """[mm]."""
+    """95th percentile of the distance to the exact footholds, along each axis [mm]."""
     foothold_error_max: float
-    """[mm]."""
+    """Largest such distance [mm]."""
 
 
 def problems_of(scenario: Scenario, count: int) -> list[QP]:
-    """Some QPs of a walk, evenly spread."""
+    """QPs of a walk, evenly spread over it.
+
+    Args:
+        scenario: to be walked.
+        count: number of QPs, roughly.
+    """
     simulation = Simulation(scenario.robot, scenario.parameters)
     every = max(1, scenario.nb_ticks // count)
     problems: list[QP] = []
@@ -45,7 +68,12 @@ def problems_of(scenario: Scenario, count: int) -> list[QP]:
 
 
 def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
-    """Solve them by every solver, taking turns."""
+    """Solve QPs by every solver, taking turns.
+
+    Args:
+        problems: to be solved.
+        nb_samples: samples of their horizons.
+    """
     solvers: dict[str, Callable[[QP], Vector]] = {name: partial(_solution, kind()) for name, kind in SOLVERS.items()}
     solvers |= {EXACT: _exact}
     durations: dict[str, list[float]] = {name: [] for name in solvers}

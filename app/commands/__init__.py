@@ -1,1 +1,1 @@
-"""The `walk` command: one module for each group of subcommands."""
+"""The `walk` command: `cli` starts it, and `run_commands` has the subcommands about runs."""

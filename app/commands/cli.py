@@ -16,12 +16,12 @@ from typing import Annotated, Literal
 import tyro
 from pydantic import ValidationError
 
-from app.commands.runs import Compare, Report, Run, Scenarios
+from app.commands.run_commands import CompareCommand, ReportCommand, RunCommand, ScenariosCommand
 from walkcore import Parameters, WalkError, load_robot, robot_names
 
 
 @dataclass(frozen=True, slots=True)
-class Serve:
+class ServeCommand:
     """Serve the page, the scene and the API on one port."""
 
     host: str = field(default_factory=lambda: Settings().host)
@@ -41,11 +41,11 @@ class Serve:
 
 
 @dataclass(frozen=True, slots=True)
-class Robots:
+class RobotsCommand:
     """List the robots that ship."""
 
     def __call__(self) -> None:
-        """Print name and limits of each."""
+        """Print name and limits of each robot."""
         for name in robot_names():
             robot = load_robot(name)
             limits = ", ".join(f"{key} {low:g} to {high:g}" for key, (low, high) in robot.max_reference.items())
@@ -53,24 +53,24 @@ class Robots:
 
 
 @dataclass(frozen=True, slots=True)
-class Footholds:
-    """Find out where a robot may put its feet, by trying thousands of steps."""
+class FootholdsCommand:
+    """Find the regions where a robot may put its feet, by trying thousands of steps."""
 
     robot: tyro.conf.Positional[str]
-    """Name of one with a body (see `walk robots`)."""
+    """Name of a robot with a body (see `walk robots`)."""
     out: Path = Path("footholds")
     """Folder for footholds.yaml, footholds.csv and footholds.svg."""
     samples: int = 3000
     """Placements to try, before those along the edges of the polygons."""
     seed: int = 0
-    """Of the samples: the same seed gives the same polygons."""
+    """Seed of the samples: the same seed gives the same polygons."""
     com_height: float | None = None
-    """Of the CoM above the ground in metres; the robot's own if not given."""
+    """Height of the CoM above the ground [m]; the robot's own if not given."""
 
     def __call__(self) -> None:
-        """Try, sum up, write and tell."""
-        from app.footholds.report import summary, write  # draws: a library that takes a second to load
-        from app.footholds.study import study
+        """Try, write, and print the regions."""
+        from app.footholds.foothold_files import summary, write  # draws: a library that takes a second to load
+        from app.footholds.foothold_study import study
 
         found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
         write(found, self.out)
@@ -78,27 +78,27 @@ class Footholds:
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class FiguresCommand:
     """Make the paper's figures, and a report of its claims beside what was measured."""
 
     out: Path
     """Folder for a folder of figures of each robot, and for report.md."""
     robots: tuple[Literal["hrp2", "talos"], ...] = ("hrp2", "talos")
-    """Whose figures."""
+    """Robots whose figures are made."""
     formats: tuple[Literal["svg", "pdf", "png"], ...] = ("svg", "pdf")
     """Endings of their files."""
     control_period: float = Parameters().control_period
-    """From one tick to the next [s]; 0.1 is exactly the paper's scheme."""
+    """Time from one tick to the next [s]; 0.1 is exactly the paper's scheme."""
 
     def __call__(self) -> None:
         """Simulate, draw and measure."""
         from app.figures import make_figures  # the plotting library takes a second to load
 
-        make_figures(self.out, self.robots, self.formats, self.control_period, tell=print)
+        make_figures(self.out, self.robots, self.formats, self.control_period, report=print)
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
+class BenchCommand:
     """Measure what a tick costs: by stage, by solver, and against real time."""
 
     json: bool = False
@@ -108,20 +108,20 @@ class Bench:
         """Measure and print."""
         from app.bench import bench, table  # the other commands need none of the solvers it compares
 
-        result = bench(tell=lambda what: print(f"measuring {what} ...", file=sys.stderr))
+        result = bench(report=lambda what: print(f"measuring {what} ...", file=sys.stderr))
         print(dumps(result.to_mapping(), indent=2) if self.json else table(result), end="\n" if self.json else "")
 
 
 SubCommand = (
-    Annotated[Serve, tyro.conf.subcommand("serve")]
-    | Annotated[Run, tyro.conf.subcommand("run")]
-    | Annotated[Compare, tyro.conf.subcommand("compare")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
-    | Annotated[Bench, tyro.conf.subcommand("bench")]
-    | Annotated[Figures, tyro.conf.subcommand("figures")]
-    | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
-    | Annotated[Robots, tyro.conf.subcommand("robots")]
-    | Annotated[Footholds, tyro.conf.subcommand("footholds")]
+    Annotated[ServeCommand, tyro.conf.subcommand("serve")]
+    | Annotated[RunCommand, tyro.conf.subcommand("run")]
+    | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
+    | Annotated[ReportCommand, tyro.conf.subcommand("report")]
+    | Annotated[BenchCommand, tyro.conf.subcommand("bench")]
+    | Annotated[FiguresCommand, tyro.conf.subcommand("figures")]
+    | Annotated[ScenariosCommand, tyro.conf.subcommand("scenarios")]
+    | Annotated[RobotsCommand, tyro.conf.subcommand("robots")]
+    | Annotated[FootholdsCommand, tyro.conf.subcommand("footholds")]
 )
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.figures import measures
-from app.figures.solve_time import SolveTimes
-from app.figures.walks import AS_SHIPPED, SPREAD, SPREAD_HEAVY, TOUCH, Walks
+from app.figures.walks import AS_SHIPPED, SPREAD, SPREAD_HEAVY, TOUCH, SolveTimes, Walks
 from walkcore import Recording
 from walkcore.analysis.columns import cop_error, ticks_relaxed
 from walkcore.analysis.push_recovery import PushRecovery
@@ -28,7 +27,7 @@ class Claim:
     measured: str
     is_met: bool
     why: str
-    """What explains a difference."""
+    """Explanation of a difference."""
 
 
 def claims(walks: Walks, times: SolveTimes) -> list[Claim]:

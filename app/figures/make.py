@@ -1,13 +1,15 @@
-"""Which figure shows what: Fig. 1 to 9 of the paper for each robot, and the report beside them."""
+"""Figures 1 to 9 of the paper for each robot, and report.md beside them: claims, and what decides the lateral speed."""
 
-from collections.abc import Callable
+import platform
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from app.figures import drawing, measures
-from app.figures.claims import claims
-from app.figures.report import write_report
-from app.figures.solve_time import SolveTimes, solve_times
-from app.figures.walks import Walks, simulate
+from app.figures.claims import Claim, claims
+from app.figures.walks import SolveTimes, Walks, simulate, solve_times
 
 TITLES = {
     "speed_only": "QP (17): speed only",
@@ -16,6 +18,13 @@ TITLES = {
     "mean_velocity": "QP (31): mean speed over two steps",
 }
 NAMES = {"hrp2": "HRP-2", "talos": "Talos"}
+INTRODUCTION = """\
+# The paper's claims, and what was measured
+
+Made by `walk figures` together with the figures beside it: the sample motion of section 6 of Herdt et al. 2010,
+simulated by each scheme. Every number is of this run; times are of this machine. Where a number is not the paper's,
+the line below the table tells why.
+"""
 
 
 def make_figures(
@@ -23,16 +32,16 @@ def make_figures(
     robots: tuple[str, ...],
     formats: tuple[str, ...],
     control_period: float,
-    tell: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Simulate, draw and measure.
 
     Args:
         out: folder for a folder of figures of each robot and for report.md.
-        robots: names of those whose sample motion ships.
+        robots: names of robots whose sample motion ships.
         formats: endings of the figures' files: svg, pdf, png.
         control_period: of the sample motions [s].
-        tell: is told what has been done.
+        report: called with a line about what has been done.
 
     Raises:
         WalkError: if the period does not fit the gait's grid.
@@ -42,14 +51,14 @@ def make_figures(
     walked: list[tuple[Walks, SolveTimes]] = []
     for robot in robots:
         walks = simulate(robot, control_period)
-        tell(f"{robot}: walked {len(walks.by_scheme)} sample motions and {2 * len(walks.variations)} variations")
+        report(f"{robot}: walked {len(walks.by_scheme)} sample motions and {2 * len(walks.variations)} variations")
         walked.append((walks, solve_times(robot)))
         folder = out / robot
         folder.mkdir(exist_ok=True)
         draw_figures(folder, walks, formats)
-        tell(f"{robot}: drawn into {folder}")
-    write_report(out / "report.md", [(NAMES[w.robot.name], w, claims(w, times)) for w, times in walked])
-    tell(f"claims and measurements written to {out / 'report.md'}")
+        report(f"{robot}: drawn into {folder}")
+    _write_report(out / "report.md", [(NAMES[w.robot.name], w, claims(w, times)) for w, times in walked])
+    report(f"claims and measurements written to {out / 'report.md'}")
 
 
 def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
@@ -74,3 +83,60 @@ def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
     if walks.filtered is not None:
         title = f"{name} · from the model's CoP to the true one"
         drawing.draw_true_cop(folder / "true-cop", formats, title, by_scheme["full"], walks.filtered)
+
+
+def _write_report(path: Path, robots: Sequence[tuple[str, Walks, Sequence[Claim]]]) -> None:
+    """Write the report.
+
+    Args:
+        path: of the file.
+        robots: the name, the walks and the claims of each.
+    """
+    parts = [INTRODUCTION, _circumstances(robots[0][1])]
+    for name, walks, found in robots:
+        parts += [f"## {name}\n", _table_of_claims(found), _reasons(found), _table_of_variations(walks)]
+    path.write_text("\n".join(parts), encoding="utf-8")
+
+
+def _circumstances(walks: Walks) -> str:
+    p = walks.by_scheme["full"].parameters
+    return (
+        f"A tick lasts {1e3 * p['control_period']:g} ms, T is {p['sampling_period']:g} s, N is {p['horizon_samples']}"
+        f" (32 for (31)). walk {version('walk')}, piqp {version('piqp')}, Python {platform.python_version()},"
+        f" {platform.machine()}.\n"
+    )
+
+
+def _table_of_claims(claims: Sequence[Claim]) -> str:
+    rows = [
+        f"| {n} | {claim.what} | {claim.paper} | {claim.measured} | {'yes' if claim.is_met else 'no'} |"
+        for n, claim in enumerate(claims, 1)
+    ]
+    return "\n".join(["| | what | paper | measured | as the paper |", "|---|---|---|---|---|", *rows, ""])
+
+
+def _reasons(claims: Sequence[Claim]) -> str:
+    reasons = [f"- {n}: {claim.why}." for n, claim in enumerate(claims, 1) if not claim.is_met]
+    return "\n".join(["Where it differs:", "", *reasons, ""]) if reasons else ""
+
+
+def _table_of_variations(walks: Walks) -> str:
+    """Mean lateral speeds with other foothold regions and weights."""
+    rows: list[str] = []
+    for name, variation in walks.variations.items():
+        y = 100 * np.array(variation.full.parameters["foothold_region"])[:, 1]
+        speeds = [abs(measures.lateral_speed(walk)) for walk in (variation.full, variation.mean_velocity)]
+        numbers = " | ".join(f"{speed:.3f}" for speed in (measures.lateral_bound(variation.full), *speeds))
+        rows.append(f"| {name} | {y.min():.1f} to {y.max():.1f} | {numbers} |")
+    asked = abs(measures.lateral_reference(walks.without_push))
+    period = walks.variations[next(iter(walks.variations))].full.parameters["control_period"]
+    return "\n".join(
+        [
+            f"What decides the mean lateral speed [m/s], of {asked:g} asked (a tick of {period:g} s, no push):",
+            "",
+            "| foothold region | feet apart [cm] | placement allows | by (19) | by (31) |",
+            "|---|---|---|---|---|",
+            *rows,
+            "",
+        ]
+    )

@@ -1,4 +1,4 @@
-"""Numbers read off a recording of the sample motion, and nothing but the recording."""
+"""Measures of a recording of the sample motion, from nothing but the recording."""
 
 from dataclasses import dataclass
 
@@ -22,19 +22,19 @@ USUAL_COP_ERROR = 0.02  # [m], of the model's CoP, says the paper
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """When the sample motion changes [s]."""
+    """Times at which the sample motion changes [s]."""
 
     start: float
-    """Forward."""
+    """Start of the walk forward."""
     push: float
     sideways: float
     forward: float
-    """Again."""
+    """Start of the second walk forward."""
     stop: float
 
 
 def moments(recording: Recording) -> Moments:
-    """Read from the references and the push of the recording."""
+    """The times at which references and push of the recording change."""
     t, vx, vy = recording["t"], recording["reference_vx"], recording["reference_vy"]
     start, sideways = t[vx > 0.0][0], t[vy != 0.0][0]
     forward = t[(vx > 0.0) & (t > sideways)][0]
@@ -61,7 +61,7 @@ def steady(recording: Recording, start: float, end: float) -> Mask:
 
 
 def margins_at_samples(recording: Recording) -> Vector:
-    """From the CoP to the nearest edge of the sole that carries it, at the samples of the gait's grid [m]: (28).
+    """Distances of (28): from the CoP to the nearest edge of the sole under it, at the samples of the gait's grid [m].
 
     A sample at a touchdown belongs to the foot that carried the robot until then (section 4).
     """
@@ -91,14 +91,14 @@ def margins_in_single_support(recording: Recording) -> Vector:
 
 
 def time_to_reach(recording: Recording, start: float, fraction: float) -> float:
-    """From `start` until the forward speed is that fraction of its reference [s]; NaN if it never is."""
+    """Time from `start` until the forward speed is that fraction of its reference [s]; NaN if it never is."""
     later = recording["t"] > start - TIME_TOLERANCE
     reached = later & (recording["com_vx"] >= fraction * recording["reference_vx"]) & (recording["reference_vx"] > 0.0)
     return float(recording["t"][reached][0]) - start if reached.any() else np.nan
 
 
 def highest_speed(recording: Recording, start: float, end: float) -> float:
-    """Forward, in [start, end) [m/s]."""
+    """Highest forward speed in [start, end) [m/s]."""
     return float(recording["com_vx"][during(recording, start, end)].max())
 
 
@@ -132,7 +132,7 @@ def cop_ahead_of_foot(recording: Recording) -> float:
 
 
 def lateral_speed(recording: Recording) -> float:
-    """Mean over the whole gait cycles of the steady lateral walk [m/s]."""
+    """Mean lateral speed over the whole gait cycles of the steady lateral walk [m/s]."""
     when = _lateral_moments(recording)
     return float(recording["com_vy"][steady(recording, *when)].mean())
 
@@ -144,7 +144,7 @@ def lateral_sway(recording: Recording) -> float:
 
 
 def lateral_reference(recording: Recording) -> float:
-    """Lateral speed that was asked [m/s]."""
+    """Reference of the lateral speed [m/s]."""
     return float(recording["reference_vy"][recording["reference_vy"] != 0.0][0])
 
 
@@ -175,23 +175,23 @@ def mean_over_horizon(recording: Recording, name: str) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class PushEffect:
-    """What the push does to the sample motion."""
+    """The effect of the push on the sample motion."""
 
     recovery: PushRecovery
     drift: float
-    """To the left of the walk without the push, once recovered, or at the end [m]."""
+    """Distance to the left of the walk without the push, once recovered, or at the end [m]."""
     free_touchdown: float
-    """When the foot on the side to which the push goes lands for the first time [s]."""
+    """Time at which the foot on the side to which the push goes lands first [s]."""
     free_step: float
-    """How far to the left of the walk without the push it lands [m]."""
+    """Distance to the left of the walk without the push at which it lands [m]."""
 
 
 def push_effect(recording: Recording, without_push: Recording) -> PushEffect:
-    """How the robot gets over the push.
+    """Compare the sample motion with the same without its push.
 
     Args:
         recording: of the sample motion.
-        without_push: of the same without the push, so that the sway of the gait does not count.
+        without_push: recording without the push, so that the sway of the gait does not count.
     """
     (found,) = push_recoveries(recording)
     period = float(recording.parameters["control_period"])
@@ -209,5 +209,5 @@ def push_effect(recording: Recording, without_push: Recording) -> PushEffect:
 
 
 def velocity_of_push(recording: Recording) -> float:
-    """What the push adds to the velocity of the CoM [m/s]."""
+    """Change of the CoM's velocity by the push [m/s]."""
     return float(np.abs(recording["push_y"]).max() / recording.parameters["mass"])

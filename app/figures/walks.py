@@ -1,16 +1,19 @@
-"""The walks that figures and report are made of: the sample motion of section 6 by each scheme, and varied."""
+"""Walks behind figures and report: the sample motion of section 6 by each scheme, varied, and timed."""
 
 import math
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
+from app.bench.bench import laps, planning_time
+from app.jobs import JobPool
+from app.settings import usable_cores
 from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record
 from walkcore.robot import FootholdRegion
-from walkcore.values import frozen_copy
+from walkcore.values import Vector, frozen_copy
 
 SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos": "herdt-2010-section-6"})
 SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_velocity")
@@ -27,12 +30,12 @@ SPREAD_HEAVY = "feet may spread further, and the speed weighs 100 times as much"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variation:
-    """The sample motion without the push, where something is not as the robot ships."""
+    """The sample motion without the push, with the robot or the weights varied."""
 
     full: Recording
-    """By (19)."""
+    """Walk by (19)."""
     mean_velocity: Recording
-    """By (31)."""
+    """Walk by (31)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,20 +46,20 @@ class Walks:
     by_scheme: Mapping[str, Recording]
     """The sample motion; `full` with the body, where there is one: the other figures do not show it."""
     filtered: Recording | None
-    """By `full`, with the dynamic filter; None for a robot without a body."""
+    """The sample motion by `full`, with the dynamic filter; None for a robot without a body."""
     without_push: Recording
-    """By `full`."""
+    """The sample motion by `full`, without its push."""
     hard_push: Recording
-    """By `full`, with a push that calls for a step."""
+    """The sample motion by `full`, with a push that calls for a step."""
     variations: Mapping[str, Variation]
-    """What might decide how fast the robot walks sideways, one by one, at the paper's period."""
+    """Variations that might decide how fast the robot walks sideways, at the paper's period."""
 
 
 def simulate(robot: str, control_period: float) -> Walks:
-    """All walks of one robot, on all cores.
+    """Simulate all walks of one robot, on all cores.
 
     Args:
-        robot: name of one whose sample motion ships.
+        robot: name of a robot whose sample motion ships.
         control_period: of the sample motions [s].
     """
     motion = sample_motion(robot, control_period)
@@ -67,8 +70,9 @@ def simulate(robot: str, control_period: float) -> Walks:
     filters = [filtered] if embodied.robot.body is not None else []
     scenarios = [*motions.values(), *filters, pushed(motion, 0.0), pushed(motion, HARD_PUSH)]
     scenarios += [scenario for pair in varied.values() for scenario in pair]
-    with ProcessPoolExecutor() as pool:
-        walked = iter(list(pool.map(record, scenarios)))
+    with JobPool(usable_cores()) as pool:
+        done = dict(pool.run([partial(record, scenario) for scenario in scenarios]))
+        walked = iter([done[index].result() for index in range(len(scenarios))])
     return Walks(
         robot=embodied.robot,
         by_scheme={scheme: next(walked) for scheme in motions},
@@ -94,7 +98,12 @@ def using(scenario: Scenario, scheme: str) -> Scenario:
 
 
 def pushed(scenario: Scenario, velocity: float) -> Scenario:
-    """The same scenario with a push to the left that changes the velocity of the CoM by so much [m/s], or with none."""
+    """The same scenario with another push to the left, or with none.
+
+    Args:
+        scenario: with a push.
+        velocity: change of the CoM's velocity by the push [m/s]; zero removes the push.
+    """
     push = Push(np.array([0.0, scenario.robot.mass * velocity])) if velocity > 0.0 else None
     events = tuple(event if event.push is None else replace(event, push=push) for event in scenario.events)
     return replace(scenario, events=events)
@@ -121,3 +130,24 @@ def _with_region(scenario: Scenario, near: float, far: float) -> Scenario:
     region[:, 1] = near + (y - y.min()) * (far - near) / np.ptp(y)
     anyhow = FootholdRegion(-math.pi, math.pi, frozen_copy(region))
     return replace(scenario, robot=replace(scenario.robot, foothold_regions=(anyhow,)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolveTimes:
+    """Durations of assembling and solving, one for each QP of the sample motion at the paper's period."""
+
+    full: Vector
+    """Durations for (19), which previews two steps [s], shape (ticks,)."""
+    mean_velocity: Vector
+    """Durations for (31), which previews four [s], shape (ticks,)."""
+
+
+def solve_times(robot: str) -> SolveTimes:
+    """Measure by walking the sample motion once with each scheme, in this process alone: other work would count too."""
+    motion = sample_motion(robot, PAPER_PERIOD)
+    return SolveTimes(plan_durations(motion), plan_durations(using(motion, "mean_velocity")))
+
+
+def plan_durations(scenario: Scenario) -> Vector:
+    """Durations of assembling and solving at each tick of a scenario [s], shape (ticks,)."""
+    return np.array([planning_time(tick) for tick in laps(scenario)])

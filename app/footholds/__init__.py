@@ -1,1 +1,1 @@
-"""`walk footholds`: the study of safe foothold regions on all cores, its figure and its files."""
+"""Study of safe foothold regions on all cores (`walk footholds`), and its files with their picture."""

@@ -1,14 +1,42 @@
-"""The files that a recording can be written to, by their endings.
+"""Files of a run: the formats that a recording can be written to, by their endings, and the folder that holds them.
 
-Each module of a format loads libraries that take a while, so it is imported when it is first used.
+Each format that needs libraries has a module of its own, imported when it is first used, since they take a while to
+load.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from app.formats.stored_run import StoredRun, read_run
 from walkcore import Recording
+
+__all__ = ["COUNTS", "FORMATS", "Format", "StoredRun", "read_run", "unit", "write_run"]
+
+# Units of the columns, for formats that carry them: that of the first pattern that a name matches.
+UNITS = (
+    (r"(tick|phase|support_side|samples_on_support|steps_to_stand|status)", ""),
+    (r"q_[3-6]", ""),
+    (r"q_[0-2]", "m"),
+    (r"q_\d+", "rad"),
+    (r"(t|time_to_touchdown)", "s"),
+    (r"push_[xy]", "N s"),
+    (r"reference_yaw_rate", "rad/s"),
+    (r"(com|reference)_v[xy]", "m/s"),
+    (r"com_a[xy]", "m/s^2"),
+    (r"jerk_[xy]", "m/s^3"),
+    (r".*_yaw", "rad"),
+    (r".*_[xyz]", "m"),
+)
+COUNTS = frozenset({"tick", "phase", "support_side", "samples_on_support", "steps_to_stand", "status"})
+"""Columns of whole numbers."""
+
+
+def unit(column: str) -> str:
+    """Unit of a column; empty for counts, codes and quaternions."""
+    return next(unit for pattern, unit in UNITS if re.fullmatch(pattern, column))
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +47,7 @@ class Format:
     media_type: str
     description: str
     write: Callable[[Recording, str, Path], None]
-    """A recording and the text of its run.json, which some formats carry, to a path whose folder exists.
+    """Writes a recording and the text of its run.json, which some formats carry, to a path whose folder exists.
 
     The same recording gives the same bytes.
     """
@@ -31,7 +59,13 @@ class Format:
 
 
 def write_run(recording: Recording, folder: Path, formats: tuple[str, ...] = ("npz", "csv")) -> None:
-    """Write run.json and the recording in some formats into a folder, which is made if need be."""
+    """Write a run.
+
+    Args:
+        recording: of the run.
+        folder: for run.json and the recording; made if need be.
+        formats: endings of the recording's files.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     run_json = recording.run_json()
     for ending in formats:

@@ -22,8 +22,8 @@ from mcap.writer import CompressionType, Writer
 
 from app.drawing import palette
 from app.drawing.outlines import support_polygon
+from app.formats import COUNTS, unit
 from app.formats import foxglove as fg
-from app.formats.units import COUNTS, unit
 from walkcore import Recording, Snapshot
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import BodyModel

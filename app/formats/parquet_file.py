@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from app.formats.units import COUNTS, unit
+from app.formats import COUNTS, unit
 from walkcore import Recording
 
 RUN = b"walk.run.json"

@@ -7,8 +7,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from app.formats import FORMATS
-from app.runs import Run
-from app.runs.run import Status
+from app.runs.run import Run, RunStatus
 
 
 class RunSummary(BaseModel):
@@ -18,7 +17,7 @@ class RunSummary(BaseModel):
     name: str = Field(description="Name of the scenario.")
     robot: str
     duration: float = Field(description="Duration of the scenario [s].")
-    status: Status
+    status: RunStatus
     reason: str = Field(description="Why the run failed, or was cancelled.")
     progress: float = Field(ge=0.0, le=1.0, description="Fraction of the ticks that are simulated.")
     real_time_factor: float | None = Field(description="Simulated over real time; null before it is known.")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from app.formats import StoredRun
 from app.report import pictures, tables
-from app.report.loading import LoadedRun
 from app.report.tables import Rows
 
 STYLE = """
@@ -31,7 +31,7 @@ class Section:
     """Names of files, without their ending."""
 
 
-def write_report(run: LoadedRun, out: Path) -> tuple[Path, Path]:
+def write_report(run: StoredRun, out: Path) -> tuple[Path, Path]:
     """Write report.md with its figures, and report.html.
 
     Returns:
@@ -52,7 +52,7 @@ def write_report(run: LoadedRun, out: Path) -> tuple[Path, Path]:
     return _write(out, "report", run.name, run.description, sections)
 
 
-def write_comparison(runs: Sequence[LoadedRun], names: Sequence[str], out: Path) -> tuple[Path, Path]:
+def write_comparison(runs: Sequence[StoredRun], names: Sequence[str], out: Path) -> tuple[Path, Path]:
     """Write comparison.md with its figures, and comparison.html.
 
     Args:
@@ -74,7 +74,7 @@ def write_comparison(runs: Sequence[LoadedRun], names: Sequence[str], out: Path)
     return _write(out, "comparison", " and ".join(names), "", sections)
 
 
-def _draw_over_time(out: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> list[str]:
+def _draw_over_time(out: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> list[str]:
     """Draw what there is to draw; names of the files."""
     pictures.draw_velocity(out / "forward", runs, names, axis=0)
     pictures.draw_velocity(out / "lateral", runs, names, axis=1)

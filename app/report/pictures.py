@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from app.drawing import palette
 from app.drawing.axes import SPEED_HEIGHT, SPIKES, WIDTH, draw_feet, extent, figure, ink, legend, sole_key
-from app.report.loading import LoadedRun
+from app.formats import StoredRun
 from walkcore.analysis.columns import cop_error, heading_velocity, points, push_rows, reference_changes
 from walkcore.analysis.margins import dcm, support_margins
 from walkcore.mpc.plan import Status
@@ -22,7 +22,7 @@ SERIES = (palette.COM, palette.REFERENCE, palette.SUPPORT, palette.TRUE_COP, pal
 """Colours of several runs, in the order in which they are named."""
 
 
-def draw_above(path: Path, run: LoadedRun) -> None:
+def draw_above(path: Path, run: StoredRun) -> None:
     """Footsteps, CoM, CoP, true CoP, and where what was asked changed."""
     low_x, high_x, low_y, high_y = extent(run)
     height = min(1.05 + (WIDTH - 0.7) * (high_y - low_y) / (high_x - low_x), HIGHEST)
@@ -44,7 +44,7 @@ def draw_above(path: Path, run: LoadedRun) -> None:
         legend(axes, [*(sole_key(side) for side in Side), *_named(axes)])
 
 
-def _draw_pushes(axes: Axes, run: LoadedRun) -> None:
+def _draw_pushes(axes: Axes, run: StoredRun) -> None:
     for first, end in push_rows(run):
         push = points(run, "push")[first:end].sum(axis=0)
         tip = points(run, "com")[first]
@@ -52,7 +52,7 @@ def _draw_pushes(axes: Axes, run: LoadedRun) -> None:
         axes.annotate("", tip, xytext=tip - PUSH_LENGTH * push, arrowprops=arrow)
 
 
-def draw_velocity(path: Path, runs: Sequence[LoadedRun], names: Sequence[str], axis: int) -> None:
+def draw_velocity(path: Path, runs: Sequence[StoredRun], names: Sequence[str], axis: int) -> None:
     """Speed of the CoM along the heading (axis 0) or to its left (axis 1), and what was asked."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         asked = f"reference_v{'xy'[axis]}"
@@ -65,7 +65,7 @@ def draw_velocity(path: Path, runs: Sequence[LoadedRun], names: Sequence[str], a
         _finish(axes, runs, f"{title}, in the robot's heading frame", "[m/s]")
 
 
-def draw_margins(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> None:
+def draw_margins(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
     """From the CoP to the edge of the support polygon."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         axes.axhline(0.0, color="#555555", linewidth=0.8)
@@ -78,7 +78,7 @@ def draw_margins(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) ->
         _finish(axes, runs, "CoP inside the support polygon (a tick below: margin given up)", "[cm]")
 
 
-def draw_capturability(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> None:
+def draw_capturability(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
     """From the DCM to the edge of the support polygon: below zero the robot has to step."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         axes.axhline(0.0, color="#555555", linewidth=0.8)
@@ -86,7 +86,7 @@ def draw_capturability(path: Path, runs: Sequence[LoadedRun], names: Sequence[st
         _finish(axes, runs, "DCM inside the support polygon (below zero: must step)", "[cm]")
 
 
-def draw_cop_error(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> None:
+def draw_cop_error(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
     """From the model's CoP to the true one."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         errors = [100 * np.hypot(*cop_error(run).T) for run in runs]
@@ -99,17 +99,17 @@ def draw_cop_error(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) 
 
 
 def _draw_series(
-    axes: Axes, runs: Sequence[LoadedRun], names: Sequence[str], read: Callable[[LoadedRun], Vector]
+    axes: Axes, runs: Sequence[StoredRun], names: Sequence[str], read: Callable[[StoredRun], Vector]
 ) -> None:
     for run, name, colour in zip(runs, names, _colours(runs, palette.COM), strict=True):
         axes.plot(run["t"], read(run), color=colour, linewidth=1.1, label=name)
 
 
-def _colours(runs: Sequence[LoadedRun], alone: palette.Colour) -> list[str]:
+def _colours(runs: Sequence[StoredRun], alone: palette.Colour) -> list[str]:
     return [ink(alone)] if len(runs) == 1 else [ink(SERIES[i % len(SERIES)]) for i in range(len(runs))]
 
 
-def _finish(axes: Axes, runs: Sequence[LoadedRun], title: str, unit: str) -> None:
+def _finish(axes: Axes, runs: Sequence[StoredRun], title: str, unit: str) -> None:
     """Pushes as dashed lines, title, and one line of legend."""
     for run in runs:
         for first, _ in push_rows(run):
@@ -124,7 +124,7 @@ def _named(axes: Axes) -> list:
     return [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
 
 
-def draw_paths(path: Path, runs: Sequence[LoadedRun], names: Sequence[str]) -> None:
+def draw_paths(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
     """The CoMs of several runs from above."""
     extents = np.array([extent(run) for run in runs])
     low_x, high_x, low_y, high_y = extents[:, 0].min(), extents[:, 1].max(), extents[:, 2].min(), extents[:, 3].max()

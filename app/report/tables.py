@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.report.loading import LoadedRun
+from app.formats import StoredRun
 from walkcore.scenario.expectations import METRICS
 
 Rows = list[list[str]]
@@ -23,7 +23,7 @@ def text(value: Any) -> str:
     return str(value)
 
 
-def facts(run: LoadedRun) -> Rows:
+def facts(run: StoredRun) -> Rows:
     """What was run."""
     p, counts = run.parameters, run.metrics["status_counts"]
     return [
@@ -41,20 +41,20 @@ def facts(run: LoadedRun) -> Rows:
     ]
 
 
-def metric_rows(run: LoadedRun) -> Rows:
+def metric_rows(run: StoredRun) -> Rows:
     """Every metric that the run has."""
     rows = [[name, text(run.metrics[name]), METRICS[name]] for name in METRICS if run.metrics.get(name) is not None]
     return [["metric", "value", "what it is"], *rows]
 
 
-def expectation_rows(run: LoadedRun) -> Rows:
+def expectation_rows(run: StoredRun) -> Rows:
     """What became of the scenario's expectations; only the head if there were none."""
     verdicts: Sequence[Mapping[str, Any]] = run.run.get("expectations", [])
     rows = [[v["name"], text(v["bound"]), text(v["measured"]), "holds" if v["holds"] else "BROKEN"] for v in verdicts]
     return [["expectation", "bound", "measured", ""], *rows]
 
 
-def steady_rows(run: LoadedRun) -> Rows:
+def steady_rows(run: StoredRun) -> Rows:
     """Mean velocity over whole gait cycles against the reference."""
     rows = [
         [f"{s['start']:g} to {s['end']:g}", text(s["cycles"]), text(s["reference"]), text(s["mean_velocity"])]
@@ -63,7 +63,7 @@ def steady_rows(run: LoadedRun) -> Rows:
     return [["time [s]", "gait cycles", "reference vx, vy [m/s], yaw rate [rad/s]", "mean"], *rows]
 
 
-def push_rows(run: LoadedRun) -> Rows:
+def push_rows(run: StoredRun) -> Rows:
     """How each push was got over."""
     rows = [
         [text(p["t"]), text(p["impulse"]), text(p["time"]), text(p["steps"]), text(p["com_deviation"])]
@@ -72,7 +72,7 @@ def push_rows(run: LoadedRun) -> Rows:
     return [["time [s]", "impulse [N s]", "recovered after [s]", "steps", "CoM deviation [m]"], *rows]
 
 
-def joint_rows(run: LoadedRun) -> Rows:
+def joint_rows(run: StoredRun) -> Rows:
     """The joints whose torque comes nearest to its limit."""
     joints: Mapping[str, Mapping[str, Any]] = run.metrics["joints"]
     hardest = sorted(joints, key=lambda name: -(joints[name]["torque_use_p99"] or 0.0))[:MOST_JOINTS]
@@ -81,7 +81,7 @@ def joint_rows(run: LoadedRun) -> Rows:
     return [["joint", "torque, p99", "torque, max", "speed, p99", "speed, max"], *rows]
 
 
-def comparison_rows(runs: Sequence[LoadedRun], names: Sequence[str]) -> Rows:
+def comparison_rows(runs: Sequence[StoredRun], names: Sequence[str]) -> Rows:
     """Every metric that one of the runs has, side by side."""
     rows: Rows = [["", *names], ["robot", *(run.parameters["robot"] for run in runs)]]
     rows += [["scenario", *(run.name for run in runs)], ["fallen", *(run.reason or "no" for run in runs)]]
@@ -92,7 +92,7 @@ def comparison_rows(runs: Sequence[LoadedRun], names: Sequence[str]) -> Rows:
     return rows
 
 
-def changed_parameters(runs: Sequence[LoadedRun], names: Sequence[str]) -> Rows:
+def changed_parameters(runs: Sequence[StoredRun], names: Sequence[str]) -> Rows:
     """Parameters in which the runs differ."""
     keys = [key for key, value in runs[0].parameters.items() if isinstance(value, int | float | str | bool | None)]
     rows = [[key, *(text(run.parameters.get(key)) for run in runs)] for key in keys]

@@ -1,14 +1,17 @@
-"""Scripted runs: taken in, queued, simulated in processes of their own, and kept."""
+"""Scripted runs: taken in, queued, simulated in processes of their own, and kept.
 
-from app.runs.errors import NoRecordingError, RunsUnavailableError, UnknownRunError
-from app.runs.limits import Limits
-from app.runs.run import Run
-from app.runs.service import Runs
+`runs` is what the routes use. `admission` decides what may be asked of the server, `store` keeps runs on the disk,
+`queue` has them simulated one after the other, and `simulation` is what the processes do.
+"""
+
+from app.runs.admission import RunLimits
+from app.runs.run import NoRecordingError, Run, RunsUnavailableError, UnknownRunError
+from app.runs.runs import Runs
 
 __all__ = [
-    "Limits",
     "NoRecordingError",
     "Run",
+    "RunLimits",
     "Runs",
     "RunsUnavailableError",
     "UnknownRunError",

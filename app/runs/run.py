@@ -1,49 +1,69 @@
-"""A run as it is known from outside."""
+"""A run as it is known from outside, and why one cannot be taken in or handed out."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Status = Literal["queued", "running", "done", "failed", "cancelled"]
+RunStatus = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED = ("done", "failed", "cancelled")
 
 
+class UnknownRunError(Exception):
+    """There is no run of that id, or no longer."""
+
+    def __init__(self, run_id: str) -> None:
+        super().__init__(f"no run {run_id[:64]!r}")
+
+
+class NoRecordingError(Exception):
+    """A run has nothing to hand out, not yet or not at all."""
+
+
+class RunsUnavailableError(Exception):
+    """No run can be taken in now; carries when to try again."""
+
+    def __init__(self, reason: str, retry_after: int) -> None:
+        super().__init__(f"{reason}; try again in {retry_after} s")
+        self.retry_after = retry_after
+        """Time to wait [s]."""
+
+
 @dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a run that is under way has come."""
+class RunProgress:
+    """The progress of a run that is under way."""
 
     fraction: float = 0.0
-    """Of its ticks, in [0, 1]."""
+    """Fraction of its ticks that are simulated, in [0, 1]."""
     real_time_factor: float | None = None
     """Simulated over real time since its first tick; None before it is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """A scenario and what became of it."""
+    """A scenario and the state of its simulation."""
 
     id: str
     scenario: Mapping[str, Any]
-    """As it was sent."""
+    """The scenario as it was sent."""
     robot: str
     duration: float
-    """[s]."""
-    status: Status
+    """Simulated time [s]."""
+    status: RunStatus
     reason: str
     """Why it failed, or was cancelled."""
     created: float
-    """[s] since 1970, as the following."""
+    """Time at which it was taken in [s since 1970], as the following times."""
     started: float | None
     ended: float | None
-    progress: Progress
+    progress: RunProgress
     size: int
-    """Of its files [bytes]."""
+    """Size of its files [bytes]."""
     metrics: Mapping[str, Any] | None
-    """As run.json has them; numbers that are not finite are None."""
+    """Metrics in run.json; numbers that are not finite are None."""
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return self.scenario.get("name", "unnamed")
 
     @property

@@ -1,12 +1,12 @@
 """Runs on the disk: a row each in SQLite, and a folder of files for each that is done.
 
-    runs.sqlite      what is known of each run
-    done/ID/         its files, there in full or not at all: moved here in one piece
-    unfinished/      what workers are writing; thrown away when a server starts
+    runs.sqlite      a row for each run
+    done/ID/         files of a run, there in full or not at all: moved here in one piece
+    unfinished/      files being written; thrown away when a server starts
     lock             held by the server whose folder this is
 
-A row tells of files only after their folder has been moved, and is deleted before it: whatever
-moment the server dies at, each row is told right by `recover`, and no folder is half there.
+A row names files only after their folder has been moved, and is deleted before it: whatever
+moment the server dies at, `recover` sets each row right, and no folder is half there.
 """
 
 import fcntl
@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from app.runs.errors import UnknownRunError
-from app.runs.run import Progress, Run
+from app.runs.run import Run, RunProgress, UnknownRunError
 
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
@@ -73,13 +72,13 @@ class RunStore:
         self.recover()
 
     def close(self) -> None:
-        """Let go of the folder."""
+        """Release the folder."""
         with self._lock:
             self._db.close()
             self._lock_file.close()
 
     def recover(self) -> None:
-        """Tell what was under way when a server died as failed, and throw away what no row knows."""
+        """Mark runs that were under way when a server died as failed, and throw away files that no row names."""
         self._set("status = 'running'", status="failed", reason=SERVER_DIED, ended=time.time())
         shutil.rmtree(self._unfinished, ignore_errors=True)
         self._done.mkdir(exist_ok=True)
@@ -97,7 +96,7 @@ class RunStore:
             return self.get(run_id)
 
     def get(self, run_id: str) -> Run:
-        """One run.
+        """The run of an id.
 
         Raises:
             UnknownRunError: if there is none of that id.
@@ -109,12 +108,12 @@ class RunStore:
         return _run(row)
 
     def list(self) -> list[Run]:
-        """All of them, the latest first."""
+        """All runs, the latest first."""
         with self._lock:
             return [_run(row) for row in self._db.execute("SELECT * FROM runs ORDER BY number DESC")]
 
     def nb_queued(self) -> int:
-        """Runs that wait for a worker."""
+        """Number of runs that wait."""
         with self._lock:
             return self._db.execute("SELECT COUNT(*) FROM runs WHERE status = 'queued'").fetchone()[0]
 
@@ -128,7 +127,7 @@ class RunStore:
             return self.get(row["id"])
 
     def unfinished(self, run_id: str) -> Path:
-        """Where the files of a run that is under way are written, an empty folder of its own."""
+        """A new empty folder for the files of a run that is under way."""
         folder = self._unfinished / run_id
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
@@ -141,8 +140,8 @@ class RunStore:
             False, and nothing is kept, where it was cancelled meanwhile.
         """
         folder = self._unfinished / run_id
-        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        broken = [_broken(verdict) for verdict in told["expectations"] if not verdict["holds"]]
+        run_json = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        broken = [_broken(verdict) for verdict in run_json["expectations"] if not verdict["holds"]]
         size = sum(_sync(file) for file in folder.iterdir())
         with self._lock:
             if not self._is(run_id, "running"):
@@ -157,17 +156,17 @@ class RunStore:
                 ended=time.time(),
                 real_time_factor=real_time_factor,
                 size=size,
-                metrics=json.dumps(_finite(told["metrics"])),
+                metrics=json.dumps(_finite(run_json["metrics"])),
             )
             return True
 
     def fail(self, run_id: str, reason: str) -> None:
-        """A run that was under way could not be finished."""
+        """Mark a run that was under way as failed."""
         self._set("id = :id AND status = 'running'", id=run_id, status="failed", reason=reason, ended=time.time())
         self.discard(run_id)
 
     def cancel(self, run_id: str) -> bool:
-        """Cancel a run that has not ended; whether there was one."""
+        """Cancel a run that has not ended; False if there was none."""
         given = {"id": run_id, "status": "cancelled", "reason": "cancelled on request", "ended": time.time()}
         return self._set("id = :id AND status IN ('queued', 'running')", **given) > 0
 
@@ -178,7 +177,12 @@ class RunStore:
         shutil.rmtree(self._done / run_id, ignore_errors=True)
 
     def trim(self, nb_kept: int, bytes_kept: int) -> None:
-        """Remove the oldest that have ended, beyond a count and beyond a size of all files; never the latest."""
+        """Remove the oldest ended runs, but never the latest.
+
+        Args:
+            nb_kept: most runs that are kept.
+            bytes_kept: most bytes that all their files may have.
+        """
         ended = [run for run in self.list() if run.has_ended]
         size = 0
         for i, run in enumerate(ended):
@@ -187,16 +191,16 @@ class RunStore:
                 self.remove(run.id)
 
     def discard(self, run_id: str) -> None:
-        """Throw away what was written of a run that has not been finished."""
+        """Throw away the files of a run that has not been finished."""
         shutil.rmtree(self._unfinished / run_id, ignore_errors=True)
 
     def measure(self, run_id: str) -> None:
-        """Look again how large its files are."""
+        """Update the size of a run, whose files have changed."""
         size = sum(file.stat().st_size for file in self.files(run_id).iterdir())
         self._set("id = :id", id=run_id, size=size)
 
     def files(self, run_id: str) -> Path:
-        """Where the files of a run that was simulated to its end lie."""
+        """The folder of a run that was simulated to its end."""
         return self._done / run_id
 
     def _is(self, run_id: str, status: str) -> bool:
@@ -205,7 +209,7 @@ class RunStore:
         )
 
     def _set(self, where: str, **values: Any) -> int:
-        """Change columns of the rows that `where` selects; how many there were."""
+        """Change columns of the rows that `where` selects, and return their number."""
         assigned = ", ".join(f"{name} = :{name}" for name in values if name != "id")
         with self._lock:
             return self._db.execute(f"UPDATE runs SET {assigned} WHERE {where}", values).rowcount
@@ -223,7 +227,7 @@ def _locked(path: Path) -> Any:
 
 
 def _sync(path: Path) -> int:
-    """See a file onto the disk; its size [bytes]."""
+    """Flush a file to the disk, and return its size [bytes]."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
         return os.fstat(file.fileno()).st_size
@@ -241,7 +245,7 @@ def _run(row: sqlite3.Row) -> Run:
         created=row["created"],
         started=row["started"],
         ended=row["ended"],
-        progress=Progress(1.0 if has_files else 0.0, row["real_time_factor"]),
+        progress=RunProgress(1.0 if has_files else 0.0, row["real_time_factor"]),
         size=row["size"],
         metrics=json.loads(row["metrics"]) if row["metrics"] else None,
     )
@@ -253,7 +257,7 @@ def _broken(verdict: Mapping[str, Any]) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Plain values with None in place of what JSON cannot carry."""
+    """Plain values with None in place of numbers that JSON cannot carry."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

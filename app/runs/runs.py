@@ -1,4 +1,4 @@
-"""What the routes ask for: runs taken in, told, handed out, cancelled."""
+"""All runs of a server, for the routes: taken in, listed, handed out, cancelled."""
 
 import logging
 import sqlite3
@@ -10,24 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from app.formats import FORMATS
-from app.runs.converter import Converter
-from app.runs.errors import NoRecordingError, RunsUnavailableError
-from app.runs.limits import Limits, checked_scenario
-from app.runs.pool import Pool
-from app.runs.run import Run
+from app.runs.admission import RunLimits, admitted_scenario
+from app.runs.queue import RETRY_AFTER, Converter, RunQueue
+from app.runs.run import NoRecordingError, Run, RunsUnavailableError
 from app.runs.store import DataInUseError, RunStore
 from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
-
-RETRY_AFTER = 10  # [s]
 
 
 class Runs:
     """All runs of one server. All methods may be called from any thread."""
 
     def __init__(
-        self, folder: Path, nb_workers: int, nb_queued: int, nb_kept: int, bytes_kept: int, limits: Limits
+        self, folder: Path, nb_workers: int, nb_queued: int, nb_kept: int, bytes_kept: int, limits: RunLimits
     ) -> None:
         """Open the data folder.
 
@@ -46,42 +42,42 @@ class Runs:
         self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._store = self._open(folder)
-        self._pool = Pool(self._store, nb_workers, on_end=self._trim)
-        self._taking_in = threading.Lock()
+        self._queue = RunQueue(self._store, nb_workers, on_end=self._trim)
+        self._admission = threading.Lock()
         self._converter = Converter()
 
     def start(self) -> None:
-        """Begin with what is queued."""
-        self._pool.start()
+        """Begin with the queued runs."""
+        self._queue.start()
 
     def stop(self) -> None:
-        """End all processes. Runs under way are told as failed by the next server, queued ones taken up."""
+        """End all processes. The next server reports runs under way as failed, and takes up queued ones."""
         self._converter.stop()
-        self._pool.stop()
+        self._queue.stop()
         self._store.close()
         if self._temporary is not None:
             self._temporary.cleanup()
 
     def submit(self, scenario: Mapping[str, Any]) -> Run:
-        """Take in a scenario, to be simulated when a worker is free.
+        """Take in a scenario, to be simulated when a process is free.
 
         Raises:
-            InvalidValueError: if it is none, or beyond a limit.
+            InvalidValueError: if it is no scenario, or beyond a limit.
             RunsUnavailableError: if too many wait already, or the disk takes no more.
         """
-        checked = checked_scenario(scenario, self.limits)
-        with self._taking_in:
+        admitted = admitted_scenario(scenario, self.limits)
+        with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
                 raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
             try:
-                run = self._store.add(scenario, checked.robot.name, checked.duration)
+                run = self._store.add(scenario, admitted.robot.name, admitted.duration)
             except sqlite3.OperationalError as error:
                 raise RunsUnavailableError(f"the run cannot be kept: {error}", RETRY_AFTER) from error
-        self._pool.wake()
+        self._queue.wake()
         return run
 
     def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
-        """Keep a walk that was not simulated here, such as what was just driven live, as a run that is done."""
+        """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done."""
         scenario = recording.scenario
         run = self._store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
         try:
@@ -94,7 +90,7 @@ class Runs:
         return self._store.get(run.id)
 
     def get(self, run_id: str) -> Run:
-        """One run, as it is now.
+        """The present state of a run.
 
         Raises:
             UnknownRunError: if there is none of that id.
@@ -102,21 +98,21 @@ class Runs:
         return self._with_progress(self._store.get(run_id))
 
     def list(self) -> list[Run]:
-        """All of them, the latest first."""
+        """All runs, the latest first."""
         return [self._with_progress(run) for run in self._store.list()]
 
     def delete(self, run_id: str) -> Run:
         """Cancel a run that has not ended, its process included; remove one that has.
 
         Returns:
-            The run as it was: one that had not ended is there still, and is told as cancelled.
+            The run as it was: one that had not ended is kept, as cancelled.
 
         Raises:
             UnknownRunError: if there is none of that id.
         """
         run = self._store.get(run_id)
         if self._store.cancel(run_id):
-            self._pool.cancel(run_id)
+            self._queue.cancel(run_id)
         else:
             self._store.remove(run_id)
         return run
@@ -140,7 +136,7 @@ class Runs:
         return path
 
     def _with_progress(self, run: Run) -> Run:
-        progress = self._pool.progress(run.id) if run.status == "running" else None
+        progress = self._queue.progress(run.id) if run.status == "running" else None
         return run if progress is None else replace(run, progress=progress)
 
     def _trim(self) -> None:

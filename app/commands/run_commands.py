@@ -2,27 +2,34 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
+from tqdm import tqdm
 
+from app.formats import read_run
+from app.jobs import JobPool, ProcessDiedError
+from app.runs.run import RunProgress
+from app.runs.simulation import Simulate, SimulationResult
 from app.settings import usable_cores
-from walkcore import load_scenario, scenario_names
+from walkcore import WalkError, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.expectations import Verdict
 
 Ending = Literal["npz", "csv", "parquet", "mcap", "html"]
+BAR = "{l_bar}{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
 BROKEN = 1
-"""Exit code of a run that does not keep its scenario's expectations."""
+"""Exit code of a run that breaks an expectation of its scenario."""
 FAILED = 2
 """Exit code where there is no run."""
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RunCommand:
     """Simulate scenarios as fast as the machine can, and write their recordings.
 
     Exit code: 0 if every expectation of the scenarios holds, 1 if one does not, 2 for bad input.
@@ -38,33 +45,32 @@ class Run:
     """Scenarios simulated at the same time; 0 for as many as there are cores."""
 
     def __call__(self) -> int:
-        """Simulate, write, and tell what became of the expectations."""
-        from app.commands.batch import Job, simulate
-
+        """Simulate, write, and print results and broken expectations."""
         if not self.scenarios:
             raise InvalidValueError("scenarios", [], "name at least one; `walk scenarios` lists those that ship")
-        jobs = [Job(name, folder, self.formats) for name, folder in zip(self.scenarios, self._folders(), strict=True)]
+        scenarios = [load_scenario(source) for source in self.scenarios]  # bad input is told before anything runs
+        jobs = [Simulate(s.source, folder, self.formats) for s, folder in zip(scenarios, self._folders(), strict=True)]
         code = 0
-        for outcome in simulate(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):
-            if outcome.error:
-                print(f"walk: {outcome.name}: {outcome.error}", file=sys.stderr)
+        for index, done in simulate_all(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):
+            try:
+                result = done.result()
+            except (WalkError, ProcessDiedError) as error:
+                print(f"walk: {scenarios[index].name}: {error}", file=sys.stderr)
                 code = FAILED
                 continue
-            factor = outcome.simulated / outcome.elapsed
             print(
-                f"{outcome.name}: {outcome.nb_ticks} ticks of {outcome.robot} written to {outcome.job.folder}"
-                f" ({factor:.3g} times real time){_fall(outcome.reason)}"
+                f"{scenarios[index].name}: {result.nb_ticks} ticks of {result.robot} written to {jobs[index].folder}"
+                f" ({result.real_time_factor:.3g} times real time)"
+                + (f"; the robot fell: {result.reason}" if result.reason else "")
             )
-            _tell(outcome.verdicts)
-            if not outcome.is_as_expected:
+            _print_verdicts(result.verdicts)
+            if not all(verdict.holds for verdict in result.verdicts):
                 code = max(code, BROKEN)
         return code
 
     def _folders(self) -> Sequence[Path]:
-        """One for each scenario; reads them all, so that bad input is told before anything runs."""
+        """A folder for each scenario."""
         names = [Path(source).stem if Path(source).is_file() else source for source in self.scenarios]
-        for source in self.scenarios:
-            load_scenario(source)
         if len(names) == 1:
             return [self.out]
         twice = next((name for name in names if names.count(name) > 1), None)
@@ -73,12 +79,34 @@ class Run:
         return [self.out / name for name in names]
 
 
-def _fall(reason: str) -> str:
-    return f"; the robot fell: {reason}" if reason else ""
+def simulate_all(
+    jobs: Sequence[Simulate], nb_processes: int, shows_progress: bool
+) -> Iterator[tuple[int, Future[SimulationResult]]]:
+    """Simulate scenarios in several processes, with a progress bar on stderr.
+
+    Args:
+        jobs: whose scenarios can be read.
+        nb_processes: scenarios that are simulated at once.
+        shows_progress: whether there is a bar.
+
+    Yields:
+        The index of each job that has ended, and its future, which is done.
+    """
+    durations = [float(job.scenario["duration"]) for job in jobs]
+    simulated = [0.0] * len(jobs)
+    with tqdm(total=sum(durations), desc="simulated", disable=not shows_progress, bar_format=BAR) as bar:
+
+        def show(index: int, progress: RunProgress) -> None:
+            now = progress.fraction * durations[index]
+            bar.update(min(now - simulated[index], bar.total - bar.n))  # rounding must not lead beyond the end
+            simulated[index] = now
+
+        with JobPool(nb_processes) as pool:
+            yield from pool.run(jobs, show)
 
 
-def _tell(verdicts: Sequence[Verdict]) -> None:
-    """What holds in one line, what does not in one each."""
+def _print_verdicts(verdicts: Sequence[Verdict]) -> None:
+    """One line for all expectations that hold, and one for each that does not."""
     nb_kept = sum(verdict.holds for verdict in verdicts)
     if nb_kept:
         print(f"  {nb_kept} of {len(verdicts)} expectations hold")
@@ -89,7 +117,7 @@ def _tell(verdicts: Sequence[Verdict]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Compare:
+class CompareCommand:
     """Put runs side by side: a table of their metrics and, with --out, figures that lay one over the other."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -98,12 +126,12 @@ class Compare:
     """Folder for comparison.html, comparison.md and their figures; none prints the table only."""
 
     def __call__(self) -> None:
-        """Print, and write if asked."""
-        from app.report import comparison_rows, load_run, write_comparison  # draws: takes a second to load
+        """Print, and write where a folder is given."""
+        from app.report import comparison_rows, write_comparison  # draws: takes a second to load
 
         if len(self.runs) < 2:
             raise InvalidValueError("runs", [str(run) for run in self.runs], "name at least two folders")
-        runs, names = [load_run(folder) for folder in self.runs], _told_apart(self.runs)
+        runs, names = [read_run(folder) for folder in self.runs], _distinct_names(self.runs)
         rows = comparison_rows(runs, names)
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         for row in rows:
@@ -113,14 +141,14 @@ class Compare:
             print(f"written to {page}")
 
 
-def _told_apart(folders: Sequence[Path]) -> list[str]:
+def _distinct_names(folders: Sequence[Path]) -> list[str]:
     """The folders' own names, or their whole paths where those are the same."""
     names = [folder.resolve().name for folder in folders]
     return names if len(set(names)) == len(names) else [str(folder) for folder in folders]
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ReportCommand:
     """Write a report on a run: its metrics, expectations and figures."""
 
     run: tyro.conf.Positional[Path]
@@ -130,14 +158,14 @@ class Report:
 
     def __call__(self) -> None:
         """Read, draw, write."""
-        from app.report import load_run, write_report  # draws: takes a second to load
+        from app.report import write_report  # draws: takes a second to load
 
-        _, page = write_report(load_run(self.run), self.run if self.out is None else self.out)
+        _, page = write_report(read_run(self.run), self.run if self.out is None else self.out)
         print(f"written to {page}")
 
 
 @dataclass(frozen=True, slots=True)
-class Scenarios:
+class ScenariosCommand:
     """List the scenarios that ship."""
 
     schema: bool = False

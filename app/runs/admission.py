@@ -1,10 +1,15 @@
-"""What a scenario from a stranger may ask for, before anything of it is simulated."""
+"""Admission of scenarios from outside: what one may request, before anything of it is simulated.
+
+The core says whether something is a scenario. Here it is only made sure that judging, storing and simulating it takes
+no more than the server can give.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore import robot_names
+from walkcore.errors import InvalidValueError
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
 from walkcore.values import check_range, check_text
 
@@ -14,31 +19,30 @@ MAX_ITEMS = 20_000  # values and keys of a scenario, of whatever kind
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Of one run."""
+class RunLimits:
+    """Limits of one run."""
 
     duration: float = 600.0
-    """[s]."""
+    """Simulated time [s]."""
     ticks: int = 120_000
     """Rows of the recording: each takes 3 kB of memory while it is simulated, and 3 kB on the disk."""
     events: int = 1000
 
 
-def checked_scenario(data: Mapping[str, Any], limits: Limits) -> Scenario:
-    """The scenario, if it is one and not too much.
+def admitted_scenario(data: Mapping[str, Any], limits: RunLimits) -> Scenario:
+    """The scenario of a mapping, if it is one and within the limits.
 
     Raises:
         InvalidValueError: naming the field, its value and its limit.
     """
-    _check_plain(data)
+    _check_size(data)
     events = data.get("events")
     if isinstance(events, list):
         _check_at_most("events", len(events), limits.events)
-    try:
-        scenario = scenario_from_mapping(data)
-    except UnknownNameError as error:
-        limit = f"must be one of {', '.join(error.choices)}"
-        raise InvalidValueError(error.kind, error.name, limit) from error
+    robot = data.get("robot", "talos")
+    if robot not in robot_names():  # a file on our disk would be one to the core
+        raise InvalidValueError("robot", robot, f"must be one of {', '.join(robot_names())}")
+    scenario = scenario_from_mapping(data)
     check_range("duration", scenario.duration, 0.0, limits.duration)
     _check_at_most("ticks (duration / control_period)", scenario.nb_ticks, limits.ticks)
     return scenario
@@ -49,7 +53,7 @@ def _check_at_most(field: str, count: int, limit: int) -> None:
         raise InvalidValueError(field, count, f"must be at most {limit}")
 
 
-def _check_plain(data: Mapping[str, Any]) -> None:
+def _check_size(data: Mapping[str, Any]) -> None:
     """Refuse what could not be stored, shown in a message or walked through later.
 
     Raises:
@@ -64,7 +68,7 @@ def _check_plain(data: Mapping[str, Any]) -> None:
         nb_items += len(items)
         _check_at_most("number of values", nb_items, MAX_ITEMS)
         for text in (item for item in items if isinstance(item, str)):
-            _check_text(text)
+            _check_length(text)
         level = [item for item in items if isinstance(item, (Mapping, list))]
     raise InvalidValueError("scenario", "nested values", f"must not be nested more than {MAX_NESTING} deep")
 
@@ -73,7 +77,7 @@ def _items(value: Any) -> list[Any]:
     return [*value.keys(), *value.values()] if isinstance(value, Mapping) else list(value)
 
 
-def _check_text(text: str) -> None:
+def _check_length(text: str) -> None:
     if len(text) > MAX_TEXT:
         raise InvalidValueError("text", text[:20] + "...", f"must be at most {MAX_TEXT} characters")
     check_text("text", text)

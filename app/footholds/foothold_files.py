@@ -1,5 +1,7 @@
-"""The picture of a foothold study: what was safe, what was not and why, and the polygons."""
+"""Files of a foothold study: lines of a robot file, a table of all placements, and their picture."""
 
+import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -9,13 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
-from app.footholds.study import Study
+from app.footholds.foothold_study import FootholdStudy
 from walkcore import Robot, load_robot
 from walkcore.footholds.safe_polygon import area
 from walkcore.footholds.step_feasibility import Feasibility
-from walkcore.footholds.study import HIGHEST, LOWEST
+from walkcore.footholds.study import HIGHEST, LOWEST, common_vertices
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import FootholdRegion
+from walkcore.values import Matrix
 
 # Told apart by shape as well as by colour.
 MARKERS: dict[Feasibility, tuple[str, str]] = {
@@ -29,7 +32,44 @@ NB_COLUMNS = 3
 FRONT_AND_SIDE = 0.13  # [m] that a sole may stick out over the placements
 
 
-def draw(found: Study, file: Path) -> None:
+def summary(found: FootholdStudy) -> str:
+    """Lines of a robot file with the regions, and comments on their origin."""
+    lines = [
+        f"# {found.command}",
+        f"# {len(found.outcomes)} placements: {_counts(found.outcomes)}",
+        f"# {len(found.steps)} steps between any two new placements inside of the polygons: {_counts(found.steps)}",
+        "foothold_regions:   # m, of the left foot in the right foot's frame, by its yaw against it (rad, toes out)",
+    ]
+    for region in found.regions:
+        lines += [
+            f"  - yaw: [{region.lowest_yaw:g}, {region.highest_yaw:g}]",
+            f"    region: {_corners(region.vertices)}",
+        ]
+    lines.append(f"# safe at all these yaws: {_corners(common_vertices(found.regions))}")
+    return "\n".join(lines) + "\n"
+
+
+def write(found: FootholdStudy, folder: Path) -> None:
+    """Write footholds.yaml (the lines of a robot file), footholds.csv (all placements) and footholds.svg."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "footholds.yaml").write_text(summary(found), encoding="utf-8")
+    with (folder / "footholds.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["x", "y", "yaw", "outcome"])
+        for placement, outcome in zip(found.placements, found.outcomes, strict=True):
+            rows.writerow([*(f"{value:.6f}" for value in placement), outcome.name.lower()])
+    draw(found, folder / "footholds.svg")
+
+
+def _corners(vertices: Matrix) -> str:
+    return "[" + ", ".join(f"[{x:.4f}, {y:.4f}]" for x, y in vertices) + "]"
+
+
+def _counts(outcomes: Sequence[Feasibility]) -> str:
+    return ", ".join(f"{outcomes.count(outcome)} {outcome.label}" for outcome in Feasibility)
+
+
+def draw(found: FootholdStudy, file: Path) -> None:
     """Draw one panel for each band of yaw; the same study gives the same file."""
     robot = load_robot(found.robot)
     nb_rows = len(found.regions) // NB_COLUMNS + 1  # the last panel is the legend's
@@ -47,8 +87,8 @@ def draw(found: Study, file: Path) -> None:
         figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=200)
 
 
-def _draw_placements(panel: Axes, found: Study, region: FootholdRegion) -> None:
-    """The placements of a band by what came of them, and its polygon; seen from above, the robot facing up."""
+def _draw_placements(panel: Axes, found: FootholdStudy, region: FootholdRegion) -> None:
+    """Placements of a band by their outcomes, and its polygon; seen from above, the robot facing up."""
     outcomes, yaw = np.asarray(found.outcomes), found.placements[:, 2]
     is_in_band = (region.lowest_yaw <= yaw) & (yaw <= region.highest_yaw)
     for outcome, (marker, colour) in MARKERS.items():
@@ -76,7 +116,7 @@ def _draw_placements(panel: Axes, found: Study, region: FootholdRegion) -> None:
 
 
 def _draw_soles(panel: Axes, robot: Robot, region: FootholdRegion) -> None:
-    """The right sole, which stands, and a left one beside it with a yaw of the band."""
+    """Draw the right sole, which stands, and a left one beside it with a yaw of the band."""
     yaw = (region.lowest_yaw + region.highest_yaw) / 2
     feet = (
         (Footstep(Side.RIGHT, np.zeros(2), 0.0), RIGHT_FOOT),

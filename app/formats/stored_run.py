@@ -11,38 +11,43 @@ import numpy as np
 
 from walkcore.analysis.columns import BodyUse
 from walkcore.errors import InvalidValueError
+from walkcore.scenario.recording import Recording
+from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.values import Vector
 
 NEEDED = ("scenario", "parameters", "versions", "metrics")
-"""Keys of run.json without which there is nothing to report."""
+"""Keys of run.json without which nothing can be made of a run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoadedRun:
-    """What run.json and recording.npz say."""
+class StoredRun:
+    """Content of run.json and recording.npz; a `Walk` for the analysis."""
 
     folder: Path
+    run_json: str
+    """Text of run.json."""
     run: Mapping[str, Any]
+    """Content of run.json."""
     columns: Mapping[str, Vector]
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return str(self.run["scenario"].get("name", "unnamed"))
 
     @property
     def description(self) -> str:
-        """Of the scenario."""
+        """Description of the scenario."""
         return str(self.run["scenario"].get("description", ""))
 
     @property
     def metrics(self) -> Mapping[str, Any]:
-        """As they were computed when the run was made."""
+        """Metrics, as they were computed when the run was made."""
         return self.run["metrics"]
 
     @property
     def parameters(self) -> Mapping[str, Any]:
-        """All that the QP used, at the first tick."""
+        """Everything that the QP used, at the first tick."""
         return self.run["parameters"]
 
     @property
@@ -52,22 +57,39 @@ class LoadedRun:
 
     @property
     def body_use(self) -> BodyUse | None:
-        """Not in the files; `metrics` sums it up."""
+        """Always None: the files hold no more of it than `metrics` does."""
         return None
 
     def __getitem__(self, column: str) -> Vector:
         """One column, shape (ticks,)."""
         return self.columns[column]
 
+    def recording(self) -> Recording:
+        """The recording as it was in memory, but for `body_use`.
 
-def load_run(folder: Path) -> LoadedRun:
-    """Read the folder that `walk run` wrote.
+        Raises:
+            WalkError: if the scenario is none by the present rules.
+        """
+        return Recording(
+            scenario=scenario_from_mapping(self.run["scenario"]),
+            columns=tuple(self.columns),
+            rows=np.column_stack(list(self.columns.values())),
+            parameters=self.parameters,
+            parameter_changes=tuple(self.run["parameter_changes"]),
+            reason=self.reason,
+            body_use=None,
+        )
+
+
+def read_run(folder: Path) -> StoredRun:
+    """The run in a folder that `walk run` or the server wrote.
 
     Raises:
-        InvalidValueError: if it holds no run, or one that cannot be read.
+        InvalidValueError: if the folder holds no run, or one that cannot be read.
     """
     try:
-        run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        run_json = (folder / "run.json").read_text(encoding="utf-8")
+        run = json.loads(run_json)
         with np.load(folder / "recording.npz") as file:
             columns = {name: file[name] for name in file.files}
     except FileNotFoundError as error:
@@ -78,4 +100,4 @@ def load_run(folder: Path) -> LoadedRun:
     missing = [key for key in NEEDED if not isinstance(run, dict) or key not in run]
     if missing:
         raise InvalidValueError("run", str(folder), f"run.json has no {missing[0]}")
-    return LoadedRun(folder, run, columns)
+    return StoredRun(folder, run_json, run, columns)

@@ -1,0 +1,175 @@
+"""Threads of the server that have runs simulated, and recordings converted, by processes behind the live walk."""
+
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from app.jobs import JobProcess, ProcessDiedError
+from app.runs.run import NoRecordingError, Run, RunProgress, RunsUnavailableError
+from app.runs.simulation import Simulate, convert
+from app.runs.store import RunStore
+from walkcore import WalkError
+
+logger = logging.getLogger(__name__)
+
+NICENESS = 15  # of 19: what is left of the processor
+IDLE_TIMEOUT = 30.0  # [s] without work after which a process is ended, for its memory
+MAX_CONVERSIONS = 8  # threads of the server's that may wait for one
+RETRY_AFTER = 10  # [s]
+
+
+class RunQueue:
+    """Takes the run that has waited longest whenever one of its processes is free."""
+
+    def __init__(self, store: RunStore, nb_processes: int, on_end: Callable[[], None]) -> None:
+        """Start nothing yet.
+
+        Args:
+            store: of the runs.
+            nb_processes: runs that are simulated at once.
+            on_end: called after each run.
+        """
+        self._store, self._on_end = store, on_end
+        self._wake = threading.Condition()
+        self._is_stopping = False
+        self._progress: dict[str, RunProgress] = {}
+        self._processes: dict[str, JobProcess] = {}
+        self._threads = [
+            threading.Thread(target=self._serve, name=f"runs {i}", daemon=True) for i in range(nb_processes)
+        ]
+
+    def start(self) -> None:
+        """Begin with the queued runs."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """End the processes; their runs stay `running` in the store, and the next server reports them as failed."""
+        with self._wake:
+            self._is_stopping = True
+            self._wake.notify_all()
+            for process in self._processes.values():
+                process.kill()
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
+
+    def wake(self) -> None:
+        """Look for a queued run."""
+        with self._wake:
+            self._wake.notify()
+
+    def cancel(self, run_id: str) -> None:
+        """End the process that simulates a run, if one does."""
+        with self._wake:
+            process = self._processes.get(run_id)
+            if process is not None:
+                process.kill()
+
+    def progress(self, run_id: str) -> RunProgress | None:
+        """The progress of a run; None where it is not under way."""
+        return self._progress.get(run_id)
+
+    def _serve(self) -> None:
+        process: JobProcess | None = None
+        while (run := self._next(process)) is not None or not self._is_stopping:
+            if process is not None and (run is None or not process.is_alive):
+                process.kill()
+                process = None
+            if run is None:  # nothing to do for a while
+                continue
+            process = process or JobProcess(NICENESS)
+            try:
+                self._simulate(run, process)
+            except Exception as error:  # a full disk, above all: the next run may have more luck
+                logger.error("run %s could not be kept", run.id, exc_info=error)
+                self._store.fail(run.id, f"could not be kept: {error}")
+            self._on_end()
+        if process is not None:
+            process.kill()
+
+    def _next(self, process: JobProcess | None) -> Run | None:
+        """Wait for a run; None when the queue stops, or when a process has been idle for long."""
+        with self._wake:
+            while not self._is_stopping:
+                run = self._store.start_next()
+                if run is not None:
+                    return run
+                if not self._wake.wait(None if process is None else IDLE_TIMEOUT):
+                    return None
+        return None
+
+    def _simulate(self, run: Run, process: JobProcess) -> None:
+        with self._wake:
+            if self._is_stopping or self._store.get(run.id).has_ended:  # cancelled before the process was known
+                return
+            self._processes[run.id] = process
+        self._progress[run.id] = RunProgress()
+        try:
+            job = Simulate(run.scenario, self._store.unfinished(run.id))
+            done = process.run(job, lambda progress: self._progress.update({run.id: progress}))
+            if self._is_stopping:
+                return
+            if (error := done.exception()) is not None:
+                self._store.fail(run.id, _reason(error))
+            else:
+                self._store.finish(run.id, done.result().real_time_factor)
+        finally:
+            with self._wake:  # a cancellation under way ends the process before it is at another run
+                self._processes.pop(run.id)
+            self._progress.pop(run.id)
+
+
+class Converter:
+    """Writes recordings in further formats, one at a time. May be called from any thread, which waits."""
+
+    def __init__(self) -> None:
+        """Start no process yet."""
+        self._turn = threading.Lock()
+        self._places = threading.Semaphore(MAX_CONVERSIONS)
+        self._process: JobProcess | None = None
+        self._is_stopping = False
+
+    def make(self, folder: Path, ending: str, file: str) -> None:
+        """See that the folder of a run holds its recording in a format.
+
+        Args:
+            folder: of the run.
+            ending: of the format.
+            file: name of the recording in that format.
+
+        Raises:
+            NoRecordingError: if it cannot be made.
+            RunsUnavailableError: if too many others wait.
+        """
+        if not self._places.acquire(blocking=False):
+            raise RunsUnavailableError(f"{MAX_CONVERSIONS} files are being made already", RETRY_AFTER)
+        try:
+            with self._turn:
+                if not (folder / file).is_file() and not self._is_stopping:
+                    self._make(folder, ending)
+        finally:
+            self._places.release()
+
+    def stop(self) -> None:
+        """End the process, if there is one."""
+        self._is_stopping = True
+        if (process := self._process) is not None:
+            process.kill()
+
+    def _make(self, folder: Path, ending: str) -> None:
+        """Convert in a process that ends with it: drawing and packing take memory, and are seldom requested."""
+        self._process = JobProcess(NICENESS)
+        error = self._process.run(partial(convert, folder, ending)).exception()
+        self._process.kill()
+        self._process = None
+        if error is not None:
+            raise NoRecordingError(f"the recording cannot be written as {ending}: {_reason(error)}") from error
+
+
+def _reason(error: BaseException) -> str:
+    """Why a job failed, for a person."""
+    is_foreseen = isinstance(error, WalkError | ProcessDiedError)
+    return str(error) if is_foreseen else f"{type(error).__name__}: {error}"
