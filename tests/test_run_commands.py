@@ -141,4 +141,4 @@ def test_a_run_that_cannot_be_read_is_told(runs, tmp_path):
 def test_scenarios_are_listed_with_what_they_are_and_their_schema():
     listed = walk("scenarios").stdout
     assert "circle" in listed and "A whole circle to the left" in listed
-    assert json.loads(walk("scenarios", "--schema").stdout)["title"] == "ScenarioBody"
+    assert json.loads(walk("scenarios", "--schema").stdout)["title"] == "Scenario"

@@ -50,7 +50,7 @@ def test_two_pushes_at_one_time_are_both_given():
         ({"events": [{"t": 0.0, "reference": {"vz": 1.0}}]}, "events[0].reference.vz"),
         ({"events": [{"t": 0.0, "push": {"impulse": [1e9, 0.0]}}]}, "events[0].push.impulse"),
         ({"events": [{"t": 0.0, "push": {}}]}, "events[0].push.impulse"),
-        ({"parameters": {"alpha": -1.0}}, "alpha"),
+        ({"parameters": {"alpha": -1.0}}, "parameters.alpha"),
         ({"name": 3}, "name"),
         ({"description": "\ud800"}, "description"),
     ],

@@ -2,9 +2,8 @@ import json
 
 import jsonschema
 import pytest
-from pydantic import ValidationError
 
-from app.http.scenario_schema import ScenarioBody, scenario_schema
+from app.http.scenario_schema import scenario_schema
 from walkcore import Simulation, WalkError, load_robot, load_scenario, scenario_names
 from walkcore.scenario.scenario import scenario_from_mapping
 
@@ -43,7 +42,6 @@ BAD = {
     "name is null": LEAST | {"name": None},
     "duration as text": LEAST | {"duration": "1"},
     "duration is true": LEAST | {"duration": True},
-    "duration is NaN": LEAST | {"duration": float("nan")},
     "too long": LEAST | {"duration": 1e9},
     "parameters is false": LEAST | {"parameters": False},
     "events is a mapping": LEAST | {"events": {}},
@@ -69,8 +67,9 @@ BAD = {
     "state at a negative tick": LEAST | {"initial_state": STATE | {"tick": -1}},
     "state in the sky": LEAST | {"initial_state": STATE | {"left_foot": STATE["left_foot"] | {"height": 9}}},
 }
-# These depend on the robot, or on other values: only the core can tell.
+# These depend on the robot, or on other values, or are no JSON: only the core can tell.
 ONLY_BY_THE_CORE = {
+    "duration is NaN": LEAST | {"duration": float("nan")},
     "too fast": LEAST | {"events": [EVENT | {"reference": {"vx": 5.0}}]},
     "too strong": LEAST | {"events": [EVENT | {"push": {"impulse": [1e4, 0]}}]},
     "after the end": LEAST | {"events": [{"t": 2.0}]},
@@ -88,30 +87,28 @@ def core_accepts(data):
     return True
 
 
-def model_accepts(data):
+def schema_accepts(data):
     try:
-        ScenarioBody.model_validate(data)
-    except ValidationError:
+        jsonschema.validate(data, scenario_schema())
+    except jsonschema.ValidationError:
         return False
     return True
 
 
 @pytest.mark.parametrize("data", GOOD.values(), ids=GOOD)
-def test_what_is_good_is_good_for_core_model_and_schema(data):
-    assert core_accepts(data) and model_accepts(data)
-    jsonschema.validate(data, scenario_schema())
-    assert ScenarioBody.model_validate(data).source == data
+def test_what_is_good_is_good_for_core_and_schema(data):
+    assert core_accepts(data) and schema_accepts(data)
 
 
 @pytest.mark.parametrize("data", BAD.values(), ids=BAD)
-def test_what_is_bad_is_refused_by_core_and_model(data):
+def test_what_is_bad_is_refused_by_the_core_and_does_not_fit_the_schema(data):
     assert not core_accepts(data)
-    assert not model_accepts(data)
+    assert not schema_accepts(data)
 
 
 @pytest.mark.parametrize("data", ONLY_BY_THE_CORE.values(), ids=ONLY_BY_THE_CORE)
 def test_what_depends_on_other_values_is_refused_by_the_core(data):
-    assert model_accepts(data) and not core_accepts(data)
+    assert schema_accepts(data) and not core_accepts(data)
 
 
 def test_every_scenario_that_ships_fits_the_published_schema():
@@ -122,6 +119,6 @@ def test_every_scenario_that_ships_fits_the_published_schema():
 
 
 def test_the_schema_says_what_each_parameter_is():
-    alpha = scenario_schema()["$defs"]["ParametersBody"]["properties"]["alpha"]
+    alpha = scenario_schema()["properties"]["parameters"]["properties"]["alpha"]
     assert alpha["description"] == "Weight of the jerk in (19)."
     assert (alpha["minimum"], alpha["maximum"], alpha["default"]) == (0.0, 1e3, 1e-6)

@@ -18,8 +18,16 @@ from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are reported
 MAX_SHOWN = 100  # characters of a refused value that are sent back
-# The core names fields from the outermost of these, which here is the body itself.
-BODIES = ("reference", "push", "parameters", "scenario", "speed", "random_pushes")
+# The core says reference.vx where the body is the reference: its name of the body, by the last part of the path.
+BODIES = {
+    "reference": "reference",
+    "push": "push",
+    "preview": "push",
+    "parameters": "parameters",
+    "speed": "speed",
+    "random-pushes": "random_pushes",
+    "runs": "scenario",
+}
 
 
 def install(app: FastAPI) -> None:
@@ -98,11 +106,10 @@ async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
     return _response(422, summary(errors), errors)
 
 
-async def _refuse_value(_: Request, error: Exception) -> JSONResponse:
+async def _refuse_value(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, InvalidValueError)
-    # The core says reference.vx; here the body is the reference. Of events[0].reference.vx all is needed.
-    whole = error.field.partition(".")[0]
-    field = error.field.removeprefix(f"{whole}.") if whole in BODIES else error.field
+    body = BODIES.get(request.url.path.rpartition("/")[2], "")
+    field = error.field.removeprefix(f"{body}.")
     errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
     return _response(422, summary(errors), errors)
 

@@ -1,16 +1,15 @@
-"""A scenario as a Pydantic model, for its JSON schema: the core accepts the same, and says what is wrong.
+"""JSON schema of a scenario, as documentation: only the core judges scenarios.
 
-The model is made from the core's own tables of parameters, limits and metrics, so that the two
-cannot drift apart. What depends on the robot, or on other values, only the core checks.
+It is made from the core's own tables of parameters, limits and metrics, so that the two cannot drift apart. Limits that
+depend on the robot, or on other values, are not in it.
 """
 
 import ast
 import inspect
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import pairwise
-from typing import Annotated, Any, Literal, cast
-
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ModelWrapValidatorHandler, create_model, model_validator
+from typing import Any, cast
 
 from walkcore import Parameters, robot_names
 from walkcore.mpc.qp import SOLVERS
@@ -20,15 +19,67 @@ from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION
 from walkcore.state import COM, FARTHEST, FOOT, HIGHEST, MAX_PUSHES, MAX_TICK, OFFSET
 
+Json = dict[str, Any]
 
-class Part(BaseModel):
-    """Unknown keys, NaN, infinities and numbers as text are refused."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+def scenario_schema() -> Json:
+    """The JSON schema of a scenario file."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | SCENARIO
+
+
+def _object(description: str, required: Sequence[str] = (), /, **properties: Json) -> Json:
+    """A mapping with these keys, some of them required, and no others."""
+    return {
+        "type": "object",
+        "description": description,
+        "properties": properties,
+        "required": list(required),
+        "additionalProperties": False,
+    }
+
+
+def _number(description: str = "", low: float | None = None, high: float | None = None, **more: Any) -> Json:
+    limits = {"minimum": low, "maximum": high}
+    described = {"description": description} if description else {}
+    return {"type": "number"} | described | {key: limit for key, limit in limits.items() if limit is not None} | more
+
+
+def _whole(description: str, low: float, high: float, **more: Any) -> Json:
+    return _number(description, low, high, **more) | {"type": "integer"}
+
+
+def _text(description: str, **more: Any) -> Json:
+    return {"type": "string", "description": description} | more
+
+
+def _choice(description: str, choices: Sequence[str], **more: Any) -> Json:
+    return {"enum": list(choices), "description": description} | more
+
+
+def _list(items: Json, description: str = "", low: int | None = None, high: int | None = None) -> Json:
+    lengths = {key: length for key, length in (("minItems", low), ("maxItems", high)) if length is not None}
+    return {"type": "array", "items": items} | lengths | ({"description": description} if description else {})
+
+
+def _optional(schema: Json) -> Json:
+    """A value that may also be null, which is as good as missing."""
+    return schema | {"type": [schema["type"], "null"]}
+
+
+def _complete(description: str, /, **members: Json) -> Json:
+    """A mapping with these keys, all of them required, and no others."""
+    return _object(description, tuple(members), **members)
+
+
+def _vectors(vectors: Mapping[str, tuple[int, float]]) -> dict[str, Json]:
+    """Vectors by their names, each with its number of components and their limit."""
+    return {
+        name: _list(_number(low=-limit, high=limit), low=size, high=size) for name, (size, limit) in vectors.items()
+    }
 
 
 def _descriptions(kind: type) -> dict[str, str]:
-    """The text below each field of a dataclass."""
+    """Texts below the fields of a dataclass."""
     (tree,) = ast.parse(inspect.getsource(kind)).body
     found: dict[str, str] = {}
     for pair in pairwise(cast(ast.ClassDef, tree).body):
@@ -40,150 +91,95 @@ def _descriptions(kind: type) -> dict[str, str]:
     return found
 
 
-def _parameter(name: str) -> Any:
-    """Type of a parameter with its limits."""
+def _parameters() -> Json:
+    described = _descriptions(Parameters)
+    members = {field.name: _parameter(field.name, described[field.name], field.default) for field in fields(Parameters)}
+    return _object("Parameters of the walk; a missing one has its default.", **members)
+
+
+def _parameter(name: str, description: str, default: Any) -> Json:
     choices = {"scheme": (*SCHEMES, *DEPRECATED), "solver": tuple(SOLVERS)}
     if name in choices:
-        return Literal[choices[name]]
-    if name not in LIMITS and name != "com_height":
-        return bool
-    low, high = LIMITS.get(name, COM_HEIGHT_LIMITS)
-    number: Any = Annotated[FiniteFloat, Field(ge=low, le=high)]
-    return number | None if name == "com_height" else number
+        return _choice(description, choices[name], default=default)
+    if name == "com_height":
+        return _optional(_number(description, *COM_HEIGHT_LIMITS, default=default))
+    if name not in LIMITS:
+        return {"type": "boolean", "description": description, "default": default}
+    return (_whole if isinstance(default, int) else _number)(description, *LIMITS[name], default=default)
 
 
-def _parameters_body() -> type[Part]:
-    described = _descriptions(Parameters)
-    members: dict[str, Any] = {
-        field.name: (_parameter(field.name), Field(default=field.default, description=described[field.name]))
-        for field in fields(Parameters)
+def _expectations() -> Json:
+    bounds = {
+        f"{side}_{metric}": _number(f"{words}: {meaning}.")
+        for metric, meaning in METRICS.items()
+        for side, words in (("max", "At most"), ("min", "At least"))
     }
-    return create_model(
-        "ParametersBody", __base__=Part, __doc__="Of the walk. The rest have their defaults.", **members
-    )
+    not_fallen: Json = {"type": "boolean", "description": "Whether the robot stays up."}
+    return _object("Bounds on metrics: a run that breaks one fails.", not_fallen=not_fallen, **bounds)
 
 
-def _expect_body() -> type[Part]:
-    members: dict[str, Any] = {"not_fallen": (bool, Field(default=True, description="Whether the robot stays up."))}
-    for metric, meaning in METRICS.items():
-        for side, words in (("max", "At most"), ("min", "At least")):
-            members[f"{side}_{metric}"] = (FiniteFloat, Field(default=0.0, description=f"{words}: {meaning}."))
-    doc = "Bounds on metrics: a run that breaks one fails. What is not named is not asked."
-    return create_model("ExpectBody", __base__=Part, __doc__=doc, **members)
-
-
-def _vectors_body(name: str, vectors: dict[str, tuple[int, float]], **more: Any) -> type[Part]:
-    members: dict[str, Any] = {key: (_vector(size, limit), ...) for key, (size, limit) in vectors.items()}
-    return create_model(name, __base__=Part, **members, **more)
-
-
-def _vector(size: int, limit: float) -> Any:
-    component = Annotated[FiniteFloat, Field(ge=-limit, le=limit)]
-    return Annotated[list[component], Field(min_length=size, max_length=size)]
-
-
-ParametersBody = _parameters_body()
-ExpectBody = _expect_body()
-ComBody = _vectors_body("ComBody", COM)
-OffsetBody = _vectors_body("OffsetBody", OFFSET)
-FootBody = _vectors_body("FootBody", FOOT, height=(Annotated[FiniteFloat, Field(ge=0.0, le=HIGHEST)], ...))
-Configuration = list[Annotated[FiniteFloat, Field(ge=-FARTHEST, le=FARTHEST)]]
-
-
-class ScenarioReference(Part):
-    """Velocity asked of the CoM, in the robot's heading frame. What is missing is zero; the robot limits it."""
-
-    vx: FiniteFloat = Field(default=0.0, description="Forward [m/s].")
-    vy: FiniteFloat = Field(default=0.0, description="To the left [m/s].")
-    yaw_rate: FiniteFloat = Field(default=0.0, description="Counter-clockwise [rad/s].")
-
-
-class ScenarioPush(Part):
-    """An impulse on the CoM; the robot limits its strength."""
-
-    impulse: list[FiniteFloat] = Field(min_length=2, max_length=2, description="[N s]")
-    duration: FiniteFloat = Field(default=0.0, ge=0.0, le=10.0, description="[s]; zero gives it all in one tick.")
-    frame: Literal["robot", "world"] = Field(default="robot", description="Of the impulse.")
-
-
-class EventBody(Part):
-    """What changes at one time."""
-
-    t: FiniteFloat = Field(ge=0.0, le=MAX_DURATION, description="From the beginning, up to the scenario's end [s].")
-    reference: ScenarioReference = Field(default_factory=ScenarioReference, description="Holds until the next one.")
-    over: FiniteFloat = Field(
-        default=0.0, ge=0.0, le=MAX_DURATION, description="How long the reference takes to get there: a ramp [s]."
-    )
-    push: ScenarioPush = Field(default=cast(ScenarioPush, None), description="Begins at that time.")
-    parameters: ParametersBody = Field(  # pyright: ignore[reportInvalidTypeForm]  # a model made above
-        default_factory=ParametersBody, description="Those that change, from then on."
-    )
-
-
-class GaitBody(Part):
-    """Where the robot is in its steps."""
-
-    first_support: Literal["left", "right"]
-    start: int | None = Field(ge=0, le=MAX_TICK, description="Sample at which the first step began; null to stand.")
-    nb_steps: int | None = Field(ge=1, le=MAX_TICK, description="Steps until the feet are side by side; null: walk on.")
-    step_duration: FiniteFloat = Field(
-        default=cast(float, None), gt=0.0, description="Of the step under way [s]; if left out, that of the parameters."
-    )
-
-
-class PushLeft(Part):
-    """What is left of a push under way."""
-
-    impulse_per_tick: list[FiniteFloat] = Field(min_length=2, max_length=2, description="World frame [N s].")
-    ticks_left: int = Field(ge=1, le=MAX_TICK)
-
-
-class StateBody(Part):
-    """All that a walk remembers between two ticks, as a saved session begins: not meant to be written by hand."""
-
-    tick: int = Field(ge=0, le=MAX_TICK)
-    gait: GaitBody
-    left_foot: FootBody  # pyright: ignore[reportInvalidTypeForm]  # models made above, here and below
-    right_foot: FootBody  # pyright: ignore[reportInvalidTypeForm]
-    com: ComBody  # pyright: ignore[reportInvalidTypeForm]
-    pushes: list[PushLeft] = Field(max_length=MAX_PUSHES)
-    why_fallen: str
-    com_offset: OffsetBody  # pyright: ignore[reportInvalidTypeForm]
-    q: Configuration | None = Field(description="Pinocchio's order; null for a robot without a body.")
-    q_before: Configuration | None
-
-
-class ScenarioBody(Part):
-    """A scripted walk: a robot, its parameters, and what is asked of it."""
-
-    name: str = Field(default="unnamed")
-    description: str = Field(default="")
-    robot: Literal[tuple(robot_names())] = Field(default="talos")  # pyright: ignore[reportInvalidTypeForm]
-    duration: FiniteFloat = Field(gt=0.0, le=MAX_DURATION, description="[s]")
-    parameters: ParametersBody | None = Field(  # pyright: ignore[reportInvalidTypeForm]
-        default=None, description="What is missing has its default."
-    )
-    initial_state: StateBody | None = Field(default=None, description="Missing: at rest at the origin.")
-    events: list[EventBody] | None = Field(default=None, description="In any order.")
-    expect: ExpectBody | None = Field(  # pyright: ignore[reportInvalidTypeForm]
-        default=None, description="What makes the scenario a test."
-    )
-
-    _source: dict[str, Any]
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keep_source(cls, data: Any, handler: ModelWrapValidatorHandler["ScenarioBody"]) -> "ScenarioBody":
-        body = handler(data)
-        body._source = data if isinstance(data, dict) else body.model_dump(exclude_unset=True)
-        return body
-
-    @property
-    def source(self) -> dict[str, Any]:
-        """What was sent, number for number: `walk.scenario_from_mapping` takes it, and run.json repeats it."""
-        return self._source
-
-
-def scenario_schema() -> dict[str, Any]:
-    """The JSON schema of a scenario file."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | ScenarioBody.model_json_schema()
+PARAMETERS = _parameters()
+REFERENCE = _object(
+    "Requested velocity of the CoM, in the robot's heading frame; a missing component is zero. The robot limits it.",
+    vx=_number("Forward [m/s].", default=0.0),
+    vy=_number("To the left [m/s].", default=0.0),
+    yaw_rate=_number("Counter-clockwise [rad/s].", default=0.0),
+)
+PUSH = _object(
+    "An impulse on the CoM; the robot limits its strength.",
+    ("impulse",),
+    impulse=_list(_number(), "[N s]", 2, 2),
+    duration=_number("[s]; zero gives it all in one tick.", 0.0, 10.0, default=0.0),
+    frame=_choice("Frame of the impulse.", ("robot", "world"), default="robot"),
+)
+EVENT = _object(
+    "Changes at one time.",
+    ("t",),
+    t=_number("Time from the beginning, up to the scenario's end [s].", 0.0, MAX_DURATION),
+    reference=REFERENCE | {"description": f"{REFERENCE['description']} It holds until the next one."},
+    over=_number("Time that the reference takes to get there, by a ramp [s].", 0.0, MAX_DURATION, default=0.0),
+    push=PUSH,
+    parameters=PARAMETERS | {"description": "Parameters that change, from then on."},
+)
+GAIT = _object(
+    "Position of the robot in its steps.",
+    ("first_support", "start", "nb_steps"),
+    first_support=_choice("Foot that carried the first step.", ("left", "right")),
+    start=_optional(_whole("Sample at which the first step began; null to stand.", 0, MAX_TICK)),
+    nb_steps=_optional(_whole("Steps until the feet are side by side; null to walk on.", 1, MAX_TICK)),
+    step_duration=_number(
+        "Duration of the step under way [s]; if missing, that of the parameters.", *LIMITS["step_duration"]
+    ),
+)
+PUSH_UNDER_WAY = _complete(
+    "Rest of a push that is under way.",
+    impulse_per_tick=_list(_number(), "World frame [N s].", 2, 2),
+    ticks_left=_whole("Ticks that it still lasts.", 1, MAX_TICK),
+)
+HEIGHT = _number("Height of the sole above the ground [m].", 0.0, HIGHEST)
+CONFIGURATION = _list(_number(low=-FARTHEST, high=FARTHEST), "Pinocchio's order; null for a robot without a body.")
+STATE = _complete(
+    "State at which the walk begins, as a saved session has it; at rest at the origin if missing.",
+    tick=_whole("Ticks since the robot stood.", 0, MAX_TICK),
+    gait=GAIT,
+    left_foot=_complete("Left sole, in the world frame.", **_vectors(FOOT), height=HEIGHT),
+    right_foot=_complete("Right sole, in the world frame.", **_vectors(FOOT), height=HEIGHT),
+    com=_complete("Centre of mass, in the world frame.", **_vectors(COM)),
+    pushes=_list(PUSH_UNDER_WAY, "Pushes under way.", high=MAX_PUSHES),
+    why_fallen=_text("Why the robot has fallen; empty while it is up."),
+    com_offset=_complete("Offset of the dynamic filter.", **_vectors(OFFSET)),
+    q=_optional(CONFIGURATION),
+    q_before=_optional(CONFIGURATION),
+)
+SCENARIO = {"title": "Scenario"} | _object(
+    "A scripted walk: a robot, its parameters, references and pushes, and bounds on what comes of them.",
+    ("duration",),
+    name=_text("Name of the scenario.", default="unnamed"),
+    description=_text("What the scenario is for.", default=""),
+    robot=_choice("Name of a robot that ships.", robot_names(), default="talos"),
+    duration=_number("Simulated time [s].", LIMITS["control_period"][0], MAX_DURATION),
+    parameters=_optional(PARAMETERS),
+    initial_state=_optional(STATE),
+    events=_optional(_list(EVENT, "Events in any order.")),
+    expect=_optional(_expectations()),
+)

@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from app.formats import FORMATS
 from app.http.guards import MAX_BODY
 from app.http.run_schemas import RunBody, RunSummary, address, run_body, run_summary
-from app.http.scenario_schema import ScenarioBody
+from app.http.scenario_schema import SCENARIO
 from app.http.schemas import ErrorBody
 from app.routes.dependencies import AllRuns, KnownRun
 from app.runs import Run, Runs
@@ -44,10 +44,11 @@ router = APIRouter(
         },
         503: BUSY | {"description": "Too many runs wait already."},
     },
+    openapi_extra={"requestBody": {"content": {"application/json": {"schema": SCENARIO}}}},
 )
-def submit(scenario: ScenarioBody, runs: AllRuns, response: Response) -> RunBody:
+def submit(scenario: dict[str, Any], runs: AllRuns, response: Response) -> RunBody:
     """Simulate a scenario, as `walk run` does with a file of the same content; responds at once."""
-    run = runs.submit(scenario.source)
+    run = runs.submit(scenario)
     response.headers["Location"] = address(run.id)
     return run_body(run)
 

@@ -107,7 +107,7 @@ def scenario_from_mapping(data: Any) -> Scenario:
         check_text(key, data.get(key, ""))
     robot = load_robot(str(data.get("robot", "talos")))  # a value that is no name is refused as an unknown one
     values = check_mapping("parameters", _given(data, "parameters", {}))
-    parameters = _fitting(Parameters.from_mapping(values), robot)
+    parameters = _parameters(values, robot)
     duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)
     listed: Any = _given(data, "events", [])
     if not isinstance(listed, list):
@@ -180,12 +180,24 @@ def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters)
     return Event(t, reference, over, push, changed)
 
 
+def _parameters(values: dict[str, Any], robot: Robot) -> Parameters:
+    try:
+        return _fitting(Parameters.from_mapping(values), robot)
+    except InvalidValueError as error:
+        raise _of_parameters(error) from error
+
+
 def _changed(parameters: Parameters, values: dict[str, Any], robot: Robot) -> Parameters:
     try:
         return _fitting(parameters.check_change(parameters.changed(values)), robot)
     except InvalidValueError as error:
-        field = error.field.removeprefix("parameters.")
-        raise InvalidValueError(f"parameters.{field}", error.value, error.limit) from error
+        raise _of_parameters(error) from error
+
+
+def _of_parameters(error: InvalidValueError) -> InvalidValueError:
+    """The error with the whole path of its field."""
+    field = error.field.removeprefix("parameters.")
+    return InvalidValueError(f"parameters.{field}", error.value, error.limit)
 
 
 class _Loader(yaml.SafeLoader):
