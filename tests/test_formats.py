@@ -13,7 +13,9 @@ import polars
 import pyarrow.parquet as pq
 import pytest
 import zstandard
+from google.protobuf.unknown_fields import UnknownFieldSet
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from app.formats import FORMATS, unit, write_run
 from walkcore import record
@@ -68,17 +70,21 @@ def test_every_column_has_a_unit(recording):
 
 
 def messages_of(folder):
-    """Topic, name of the schema, time [ns] and content of every message."""
-    found = []
+    """Schema, topic, time [ns] and content of every message, decoded by the schema that the file carries."""
+    decoders, found = DecoderFactory(), []
     for schema, channel, message in make_reader(io.BytesIO((folder / "recording.mcap").read_bytes())).iter_messages():
-        assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
-        content = json.loads(message.data)
-        found.append((channel.topic, schema.name, message.log_time, content, json.loads(schema.data)))
+        if channel.topic == "/walk/row":
+            assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
+            content = json.loads(message.data)
+        else:
+            assert (channel.message_encoding, schema.encoding) == ("protobuf", "protobuf")
+            content = decoders.decoder_for("protobuf", schema)(message.data)
+        found.append((schema, channel.topic, message.log_time, content))
     return found
 
 
 def test_mcap_holds_every_row_and_run_json(recording, folder):
-    rows = [content for topic, *_, content, _ in messages_of(folder) if topic == "/walk/row"]
+    rows = [content for _, topic, _, content in messages_of(folder) if topic == "/walk/row"]
     assert tuple(rows[0]) == recording.columns
     values = np.array([[math.nan if value is None else value for value in row.values()] for row in rows])
     assert np.array_equal(values, recording.rows, equal_nan=True)
@@ -90,11 +96,13 @@ def test_mcap_holds_every_row_and_run_json(recording, folder):
 def test_mcap_messages_fit_their_schemas_and_foxglove_knows_their_names(recording, folder):
     has_body = recording.scenario.robot.body is not None
     kinds, nb_seen = {}, Counter()
-    for topic, name, _, content, schema in messages_of(folder):
+    for schema, topic, _, content in messages_of(folder):
         nb_seen[topic] += 1
-        if nb_seen[topic] % 20 == 1:  # validating all of them takes seconds
-            jsonschema.validate(content, schema)
-        kinds[topic] = name
+        if topic != "/walk/row":
+            assert content.DESCRIPTOR.full_name == schema.name and not len(UnknownFieldSet(content))
+        elif nb_seen[topic] % 20 == 1:  # validating all of them takes seconds
+            jsonschema.validate(content, json.loads(schema.data))
+        kinds[topic] = schema.name
     expected = {
         "/walk/row": "walk.Row",
         "/tf": "foxglove.FrameTransforms",
@@ -112,20 +120,20 @@ def test_mcap_puts_the_links_where_the_soles_are(recording, folder):
     body = recording.scenario.robot.body
     if body is None:
         pytest.skip("no links")
-    frames = [(at, content["transforms"]) for topic, _, at, content, _ in messages_of(folder) if topic == "/tf"]
+    frames = [(at, content.transforms) for _, topic, at, content in messages_of(folder) if topic == "/tf"]
     at, transforms = frames[-1]
     k = round(at * 1e-9 / 0.02)
-    where = {t["child_frame_id"]: t["translation"] for t in transforms}
+    where = {t.child_frame_id: t.translation for t in transforms}
     for foot in ("left", "right"):
         link = where[f"leg_{foot}_6_link"]  # 10.7 cm above the sole of Talos
         sole = [recording[f"{foot}_{axis}"][k] for axis in "xyz"]
-        assert [link["x"], link["y"], link["z"] - 0.107] == pytest.approx(sole, abs=1e-3)
-    assert where["com"]["x"] == recording["com_x"][k]
+        assert [link.x, link.y, link.z - 0.107] == pytest.approx(sole, abs=1e-3)
+    assert where["com"].x == recording["com_x"][k]
 
 
 def test_the_push_is_seen_in_the_scene(folder):
-    scenes = [(at, content) for topic, _, at, content, _ in messages_of(folder) if topic == "/walk/scene"]
-    arrows = {at: e["arrows"] for at, content in scenes for e in content["entities"] if e["id"] == "push"}
+    scenes = [(at, content) for _, topic, at, content in messages_of(folder) if topic == "/walk/scene"]
+    arrows = {at: e.arrows for at, content in scenes for e in content.entities if e.id == "push"}
     seen = [at * 1e-9 for at, arrow in arrows.items() if arrow]
     assert 1.0 <= min(seen) <= 1.05 and 1.4 < max(seen) < 1.6
 

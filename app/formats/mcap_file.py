@@ -18,10 +18,22 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import register_schema
 
 from app.drawing import palette
-from app.drawing.outlines import support_polygon
 from app.formats import COUNTS, unit
 from app.formats import foxglove as fg
 from walkcore import Recording, Snapshot
@@ -33,40 +45,38 @@ FRAME_PERIOD = 1 / 30  # [s] of the scene
 LIBRARY = "walk"
 GREYS = {Side.LEFT: palette.LEFT_FOOT, Side.RIGHT: palette.RIGHT_FOOT}
 PUSH_LENGTH = 0.02  # [m per N s] of its arrow
+PUSH_SHOWN = 0.5  # [s] for which the arrow of a push is seen
+TOPICS: dict[str, type[Message]] = {
+    "/tf": FrameTransforms,
+    "/walk/scene": SceneUpdate,
+    "/walk/footholds": PosesInFrame,
+    "/walk/com": PoseInFrame,
+    "/walk/cop": PoseInFrame,
+}
+TOPICS_OF_BODY: dict[str, type[Message]] = {"/walk/true_cop": PoseInFrame, "/walk/joints": JointStates}
 
-Message = tuple[int, str, fg.Json]  # [ns], topic, content
+Row = dict[str, int | float | None]
 
 
 def write(recording: Recording, run_json: str, path: Path) -> None:
     """Write a recording and its run.json."""
-    schemas = fg.SCHEMAS | {"walk.Row": _row_schema(recording)}
+    topics = TOPICS | ({} if recording.scenario.robot.body is None else TOPICS_OF_BODY)
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(profile="", library=LIBRARY)
-        ids = {
-            name: writer.register_schema(name, "jsonschema", _json(schema).encode()) for name, schema in schemas.items()
-        }
-        channels = {topic: writer.register_channel(topic, "json", ids[name]) for topic, name in _topics(recording)}
+        row_schema = writer.register_schema("walk.Row", "jsonschema", _json(_row_schema(recording)))
+        channels = {"/walk/row": writer.register_channel("/walk/row", "json", row_schema)}
+        schemas = {kind: register_schema(writer, kind) for kind in dict.fromkeys(topics.values())}
+        for topic, kind in topics.items():
+            channels[topic] = writer.register_channel(topic, "protobuf", schemas[kind])
         for sequence, (at, topic, content) in enumerate(_messages(recording)):
-            writer.add_message(channels[topic], at, _json(content).encode(), at, sequence)
+            data = content.SerializeToString() if isinstance(content, Message) else _json(content)
+            writer.add_message(channels[topic], at, data, at, sequence)
         writer.add_attachment(0, 0, "run.json", "application/json", run_json.encode())
         writer.finish()
 
 
-def _topics(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Each topic with the name of its schema."""
-    yield "/walk/row", "walk.Row"
-    yield "/tf", "foxglove.FrameTransforms"
-    yield "/walk/scene", "foxglove.SceneUpdate"
-    yield "/walk/footholds", "foxglove.PosesInFrame"
-    yield "/walk/com", "foxglove.PoseInFrame"
-    yield "/walk/cop", "foxglove.PoseInFrame"
-    if recording.scenario.robot.body is not None:
-        yield "/walk/true_cop", "foxglove.PoseInFrame"
-        yield "/walk/joints", "foxglove.JointStates"
-
-
-def _row_schema(recording: Recording) -> fg.Json:
+def _row_schema(recording: Recording) -> dict[str, Any]:
     properties = {
         name: {"type": "integer" if name in COUNTS else ["number", "null"], "description": unit(name)}
         for name in recording.columns
@@ -74,80 +84,76 @@ def _row_schema(recording: Recording) -> fg.Json:
     return {"title": "walk.Row", "type": "object", "properties": properties}
 
 
-def _messages(recording: Recording) -> Iterator[Message]:
-    """All messages in the order of time."""
+def _messages(recording: Recording) -> Iterator[tuple[int, str, Message | Row]]:
+    """Time [ns], topic and content of all messages, in the order of time."""
     every = max(1, round(FRAME_PERIOD / float(recording.parameters["control_period"])))
     frames = replayed(recording, every)
     body = recording.scenario.robot.body
     links = None if body is None else _Links(body)
-    whole = [name in COUNTS for name in recording.columns]
+    are_counts = [name in COUNTS for name in recording.columns]
     for k, numbers in enumerate(recording.rows):
-        values = {
-            name: int(value) if is_whole else value if math.isfinite(value) else None
-            for name, value, is_whole in zip(recording.columns, numbers.tolist(), whole, strict=True)
+        row: Row = {
+            name: int(value) if is_count else value if math.isfinite(value) else None
+            for name, value, is_count in zip(recording.columns, numbers.tolist(), are_counts, strict=True)
         }
         at = round(numbers[1] * 1e9)
-        yield at, "/walk/row", values
+        yield at, "/walk/row", row
         if links is not None:
-            yield at, "/walk/joints", links.joint_states(at, values)
+            yield at, "/walk/joints", links.joint_states(fg.timestamp(at), row)
         if k % every == 0:
-            yield from _frame(at, next(frames), recording, links)
+            for topic, message in _frame(fg.timestamp(at), next(frames), recording, links):
+                yield at, topic, message
 
 
-def _frame(at: int, s: Snapshot, recording: Recording, links: "_Links | None") -> Iterator[Message]:
-    """What a screen shows of one tick."""
-    now = fg.time(at)
-    in_world = {"timestamp": now, "frame_id": fg.WORLD}
+def _frame(now: Timestamp, s: Snapshot, recording: Recording, links: "_Links | None") -> Iterator[tuple[str, Message]]:
+    """Messages about one frame, by their topics."""
     com = (*s.com.position, s.com_height)
-    frames = [fg.transform(now, "com", fg.xyz(com), fg.upright(s.heading))]
+    frames = [fg.transform(now, "com", com, fg.upright(s.heading))]
     for side, foot in s.feet.items():
         name = f"{side.name.lower()}_foot"
-        frames.append(fg.transform(now, name, fg.xyz((*foot.position, foot.height)), fg.upright(foot.yaw)))
+        frames.append(fg.transform(now, name, (*foot.position, foot.height), fg.upright(foot.yaw)))
     if links is not None and s.q is not None:
         frames += links.transforms(now, s.q)
-    yield at, "/tf", {"transforms": frames}
-    yield at, "/walk/scene", {"deletions": [], "entities": list(_entities(now, s, recording))}
-    footholds = () if s.plan is None else s.plan.footholds
-    yield at, "/walk/footholds", in_world | {"poses": [fg.on_ground(f.position, f.yaw) for f in footholds]}
-    yield at, "/walk/com", in_world | {"pose": fg.pose(com, s.heading)}
-    yield at, "/walk/cop", in_world | {"pose": fg.on_ground(s.cop)}
+    yield "/tf", FrameTransforms(transforms=frames)
+    yield "/walk/scene", SceneUpdate(entities=list(_entities(now, s, recording)))
+    places = [fg.on_ground(foot.position, foot.yaw) for foot in ([] if s.plan is None else s.plan.footholds)]
+    yield "/walk/footholds", PosesInFrame(timestamp=now, frame_id=fg.WORLD, poses=places)
+    yield "/walk/com", PoseInFrame(timestamp=now, frame_id=fg.WORLD, pose=fg.pose(com, s.heading))
+    yield "/walk/cop", PoseInFrame(timestamp=now, frame_id=fg.WORLD, pose=fg.on_ground(s.cop))
     if s.true_cop is not None:
-        yield at, "/walk/true_cop", in_world | {"pose": fg.on_ground(s.true_cop)}
+        yield "/walk/true_cop", PoseInFrame(timestamp=now, frame_id=fg.WORLD, pose=fg.on_ground(s.true_cop))
 
 
-def _entities(now: fg.Json, s: Snapshot, recording: Recording) -> Iterator[fg.Json]:
-    sole = np.array(recording.parameters["sole"]["polygon"])
+def _entities(now: Timestamp, s: Snapshot, recording: Recording) -> Iterator[SceneEntity]:
+    sole = recording.scenario.robot.sole
     for side, foot in s.feet.items():
-        corners = sole_vertices(sole, Footstep(side, foot.position, foot.yaw))
-        lines, triangles = fg.patch(corners, foot.height, GREYS[side], 0.8)
+        corners, grey = sole_vertices(sole, Footstep(side, foot.position, foot.yaw)), GREYS[side]
+        lines, triangles = [fg.outline(corners, foot.height, grey)], [fg.area(corners, foot.height, grey, 0.8)]
         yield fg.entity(now, f"{side.name.lower()}_sole", lines=lines, triangles=triangles)
     footholds = () if s.plan is None else s.plan.footholds
     for number in (0, 1):
-        outline = [
-            fg.patch(sole_vertices(sole, foot), 0.002, GREYS[foot.side], 0.2)[0][0]
-            for foot in footholds[number : number + 1]
-        ]
-        yield fg.entity(now, f"foothold_{number + 1}", lines=outline)
-    lines, triangles = fg.patch(support_polygon(recording.scenario.robot, s), 0.001, palette.SUPPORT, 0.3)
+        planned = footholds[number : number + 1]
+        lines = [fg.outline(sole_vertices(sole, foot), 0.002, GREYS[foot.side]) for foot in planned]
+        yield fg.entity(now, f"foothold_{number + 1}", lines=lines)
+    support = s.stance.polygon
+    lines, triangles = [fg.outline(support, 0.001, palette.SUPPORT)], [fg.area(support, 0.001, palette.SUPPORT, 0.3)]
     yield fg.entity(now, "support_polygon", lines=lines, triangles=triangles)
     yield fg.entity(now, "com", spheres=[fg.sphere((*s.com.position, s.com_height), 0.09, palette.COM)])
     yield fg.entity(now, "cop", spheres=[fg.sphere((*s.cop, 0.01), 0.04, palette.COP)])
     if s.true_cop is not None:
         yield fg.entity(now, "true_cop", spheres=[fg.sphere((*s.true_cop, 0.01), 0.03, palette.TRUE_COP)])
-    yield fg.entity(now, "push", arrows=list(_push_arrow(s, recording)))
+    yield fg.entity(now, "push", arrows=list(_push_arrow(s, float(recording.parameters["control_period"]))))
 
 
-def _push_arrow(s: Snapshot, recording: Recording) -> Iterator[fg.Json]:
-    """The push of the last half second, if there was one: a frame would miss one that lasts a tick."""
-    period = float(recording.parameters["control_period"])
-    k = s.tick - int(recording.rows[0, 0])
-    recent = slice(max(0, k - round(0.5 / period)), k + 1)
-    x, y = float(recording["push_x"][recent].sum()), float(recording["push_y"][recent].sum())
+def _push_arrow(s: Snapshot, period: float) -> Iterator[ArrowPrimitive]:
+    """The latest push, for a while: a frame would miss one that lasts a tick."""
+    if s.last_push is None or (s.tick - s.last_push.tick) * period > PUSH_SHOWN + s.last_push.duration:
+        return
+    x, y = s.last_push.impulse
     strength = math.hypot(x, y)
-    if strength > 0.0:
-        length, yaw = PUSH_LENGTH * strength, math.atan2(y, x)
-        start = s.com.position - length * np.array([x, y]) / strength
-        yield fg.arrow((*start, 1.2 * s.com_height), yaw, length, palette.PUSH)
+    length, yaw = PUSH_LENGTH * strength, math.atan2(y, x)
+    start = s.com.position - length * np.array([x, y]) / strength
+    yield fg.arrow((*start, 1.2 * s.com_height), yaw, length, palette.PUSH)
 
 
 class _Links:
@@ -163,19 +169,19 @@ class _Links:
     def _is_link(self, frame: int) -> bool:
         return self._model.frames[frame].type == pin.FrameType.BODY
 
-    def joint_states(self, at: int, row: dict[str, Any]) -> fg.Json:
-        """Angles of a row."""
+    def joint_states(self, now: Timestamp, row: Row) -> JointStates:
+        """Angles of the joints in a row."""
         angles = (row[f"q_{7 + i}"] for i in range(len(self._joints)))
-        joints = [{"name": name, "position": q} for name, q in zip(self._joints, angles, strict=True)]
-        return {"timestamp": fg.time(at), "joints": joints}
+        joints = [JointState(name=name, position=q) for name, q in zip(self._joints, angles, strict=True)]
+        return JointStates(timestamp=now, joints=joints)
 
-    def transforms(self, now: fg.Json, q: np.ndarray) -> Iterable[fg.Json]:
-        """Where the links are, by their names in the URDF."""
+    def transforms(self, now: Timestamp, q: np.ndarray) -> Iterable[FrameTransform]:
+        """Places of the links, by their names in the URDF."""
         pin.framesForwardKinematics(self._model, self._data, q)
         for frame, name in self._links:
             x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._data.oMf[frame]).tolist()
-            yield fg.transform(now, name, fg.xyz((x, y, z)), {"x": qx, "y": qy, "z": qz, "w": qw})
+            yield fg.transform(now, name, (x, y, z), Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
-def _json(content: fg.Json) -> str:
-    return json.dumps(content, separators=(",", ":"), allow_nan=False)
+def _json(content: Any) -> bytes:
+    return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
