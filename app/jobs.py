@@ -100,7 +100,7 @@ class JobProcess:
 
     def start(self, job: Job[Any]) -> None:
         """Begin a job; `receive` returns its progress and its ending."""
-        with suppress(OSError):  # a process that is gone: `receive` tells
+        with suppress(OSError):  # the process is gone: `receive` finds out
             self.connection.send(job)
 
     def receive(self) -> Progress | Ending:

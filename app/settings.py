@@ -30,7 +30,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(extra="ignore")
 
     host: str = "127.0.0.1"
-    """Address to listen on; the loopback unless told otherwise."""
+    """Address to listen on; the loopback by default."""
     port: int = Field(default=8000, ge=0, le=65535)
     """Port to listen on; 0 takes a free one."""
     robot: str = "talos"

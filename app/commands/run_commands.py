@@ -48,7 +48,7 @@ class RunCommand:
         """Simulate, write, and print results and broken expectations."""
         if not self.scenarios:
             raise InvalidValueError("scenarios", [], "name at least one; `walk scenarios` lists those that ship")
-        scenarios = [load_scenario(source) for source in self.scenarios]  # bad input is told before anything runs
+        scenarios = [load_scenario(source) for source in self.scenarios]  # bad input is refused before anything runs
         jobs = [Simulate(s.source, folder, self.formats) for s, folder in zip(scenarios, self._folders(), strict=True)]
         code = 0
         for index, done in simulate_all(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):

@@ -1,4 +1,4 @@
-"""Axes, colours and marks that figures and reports share: what makes them look alike."""
+"""Axes, colours and marks that figures and reports share, so that they look alike."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -73,14 +73,14 @@ def figure(path: Path, formats: tuple[str, ...], height: float) -> Iterator[Axes
 
 
 def extent(recording: Walk) -> tuple[float, float, float, float]:
-    """Of all footsteps, with room around."""
+    """Extent of all footsteps with room around: least and largest x, least and largest y [m]."""
     reach = np.abs(np.array(recording.parameters["sole"]["polygon"])).max() + 0.05
     x, y = (np.concatenate([recording[f"{foot}_{a}"] for foot in ("left", "right")]) for a in "xy")
     return x.min() - reach, x.max() + reach, y.min() - reach, y.max() + reach
 
 
 def draw_feet(axes: Axes, recording: Walk, side: Side) -> None:
-    """Each place where a foot has stood, and the path of its ankle from one to the next."""
+    """Draw each place where a foot has stood, and the path of its ankle from one to the next."""
     foot, grey = side.name.lower(), ink(GREYS[side])
     x, y, z, yaw = (recording[f"{foot}_{name}"] for name in ("x", "y", "z", "yaw"))
     sole = np.array(recording.parameters["sole"]["polygon"])
@@ -92,12 +92,12 @@ def draw_feet(axes: Axes, recording: Walk, side: Side) -> None:
 
 
 def sole_key(side: Side) -> Polygon:
-    """What a foot looks like, for a legend."""
+    """Sample of a footstep, for a legend."""
     grey = ink(GREYS[side])
     name = f"{side.name.lower()} footsteps and ankle path"
     return Polygon(np.zeros((1, 2)), facecolor=f"{grey}1c", edgecolor=f"{grey}b0", label=name)
 
 
 def legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """In one line between title and axes."""
+    """Draw a legend in one line between title and axes."""
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(-0.01, 0.985), ncols=len(handles), borderaxespad=0.2)

@@ -21,7 +21,7 @@ GRID_SECTION: Colour = (112, 117, 124)
 GROUND: Colour = (128, 134, 142)
 FALLEN: Colour = (132, 44, 42)  # mixed into the robot's own colours
 
-# Of the URDF, whose own greys are too close to tell the parts of the robot apart.
+# Materials of the URDF, whose own greys are too close to tell the parts of the robot apart.
 MATERIALS: dict[str, Colour] = {
     "LightGrey": (214, 217, 221),
     "Grey": (148, 153, 160),
@@ -39,6 +39,6 @@ def mixed(one: Colour, other: Colour, share: float) -> Colour:
 
 
 def linear(colour: Colour) -> Colour:
-    """As light intensities: viser takes the colours of arrows for these."""
+    """The colour as light intensities, which viser takes the colours of arrows for."""
     r, g, b = (round(255 * (c / 255) ** 2.2) for c in colour)
     return r, g, b

@@ -101,12 +101,12 @@ def _reaction(walks: Walks) -> Claim:
 
 def _tracking(walks: Walks) -> Claim:
     error = measures.speed_ripple(walks.by_scheme["full"])
-    asked = float(walks.by_scheme["full"]["reference_vx"].max())
+    reference = float(walks.by_scheme["full"]["reference_vx"].max())
     return Claim(
         "Forward speed by (19), once steady: rms error",
         "converges “nearly perfectly”",
-        f"{100 * error:.2f} cm/s of {asked:g} m/s",
-        error < SAME * asked,
+        f"{100 * error:.2f} cm/s of {reference:g} m/s",
+        error < SAME * reference,
         "the CoP cannot go far enough under the feet",
     )
 
@@ -159,13 +159,13 @@ def _overshoot(walks: Walks) -> Claim:
 
 def _lateral_speed(walks: Walks) -> Claim:
     walk, varied = walks.by_scheme["full"], walks.variations
-    asked, speed = abs(measures.lateral_reference(walk)), abs(measures.lateral_speed(walk))
+    reference, speed = abs(measures.lateral_reference(walk)), abs(measures.lateral_speed(walk))
     shipped, spread, touch = (abs(measures.lateral_speed(varied[v].full)) for v in (AS_SHIPPED, SPREAD, TOUCH))
     return Claim(
         "Mean lateral speed by (19), of the reference",
         "about 2/3",
-        f"{speed:.3f} of {asked:g} m/s: {speed / asked:.2f}",
-        abs(speed / asked - 2 / 3) < SAME,
+        f"{speed:.3f} of {reference:g} m/s: {speed / reference:.2f}",
+        abs(speed / reference - 2 / 3) < SAME,
         f"how near the feet may come decides, which the paper does not tell: at its period ({shipped:.3f} m/s) a region"
         f" that reaches further out gives {spread:.3f} m/s, one in which the soles may touch {touch:.3f}",
     )
@@ -173,14 +173,14 @@ def _lateral_speed(walks: Walks) -> Claim:
 
 def _lateral_mean_velocity(walks: Walks) -> Claim:
     walk, varied = walks.by_scheme["mean_velocity"], walks.variations
-    asked, speed = abs(measures.lateral_reference(walk)), abs(measures.lateral_speed(walk))
+    reference, speed = abs(measures.lateral_reference(walk)), abs(measures.lateral_speed(walk))
     spread, heavy = (abs(measures.lateral_speed(varied[v].mean_velocity)) for v in (SPREAD, SPREAD_HEAVY))
     bound, wider = measures.lateral_bound(walk), measures.lateral_bound(varied[SPREAD].full)
     return Claim(
         "Mean lateral speed by (31)",
         "“corresponds to the reference speed”",
-        f"{speed:.3f} of {asked:g} m/s: {speed / asked:.2f}; placement allows {bound:.3f}",
-        abs(speed / asked - 1.0) < SAME,
+        f"{speed:.3f} of {reference:g} m/s: {speed / reference:.2f}; placement allows {bound:.3f}",
+        abs(speed / reference - 1.0) < SAME,
         f"two steps move the feet by what the foothold region is wide, {bound:.3f} m/s at most; with a region that"
         f" allows {wider:.3f} it is {spread:.3f} m/s, and {heavy:.3f} where the jerk counts for less",
     )

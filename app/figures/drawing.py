@@ -20,7 +20,7 @@ SPIKE_GAP = 0.7  # [s] between spikes that are written one by one; of nearer one
 
 
 def draw_from_above(path: Path, formats: tuple[str, ...], title: str, recording: Recording) -> None:
-    """Footsteps and ankle paths grey, CoP black, CoM red; the push magenta."""
+    """Draw footsteps and ankle paths grey, CoP black, CoM red, and the push magenta."""
     x_low, x_high, y_low, y_high = extent(recording)
     height = 1.05 + (WIDTH - 0.7) * (y_high - y_low) / (x_high - x_low)
     with figure(path, formats, height) as axes:
@@ -35,7 +35,7 @@ def draw_from_above(path: Path, formats: tuple[str, ...], title: str, recording:
 
 
 def _mark_moments(axes: Axes, recording: Recording) -> None:
-    """Where the CoM was when the reference changed, and the push."""
+    """Mark the places of the CoM when the reference changed, and the push."""
     when = measures.moments(recording)
     for t in (when.sideways, when.forward, when.stop):
         k = _tick(recording, t)
@@ -75,7 +75,7 @@ def draw_speed(
     limits: tuple[float, float],
     means: Vector | None = None,
 ) -> None:
-    """Speed of the CoM red, its reference blue; means of it grey.
+    """Draw the speed of the CoM red, its reference blue, and means of it grey.
 
     Args:
         path: of the figure, without its ending.
@@ -99,7 +99,7 @@ def draw_speed(
 
 
 def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: Recording) -> None:
-    """Forward speed around the step of its reference, up to the push: the red curve of Fig. 7."""
+    """Draw the forward speed around the step of its reference, up to the push: the red curve of Fig. 7."""
     when = measures.moments(recording)
     with figure(path, formats, SPEED_HEIGHT) as axes:
         _draw_speed(axes, recording, "x")
@@ -112,7 +112,7 @@ def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: R
 
 
 def draw_true_cop(path: Path, formats: tuple[str, ...], title: str, plain: Recording, filtered: Recording) -> None:
-    """How far the true CoP is from the model's, without and with the filter, and what the paper says it usually is."""
+    """Draw how far the true CoP is from the model's, without and with the filter, and usually is in the paper."""
     with figure(path, formats, SPEED_HEIGHT) as axes:
         usual = axes.axhspan(0.0, 100 * measures.USUAL_COP_ERROR, color="#eeeeee", zorder=0, label="“usually” (paper)")
         distances = [100 * np.hypot(*cop_error(recording).T) for recording in (plain, filtered)]
@@ -129,7 +129,7 @@ def draw_true_cop(path: Path, formats: tuple[str, ...], title: str, plain: Recor
 
 
 def _mark_spikes(axes: Axes, t: Vector, values: Vector, top: float) -> None:
-    """How high a curve goes where it leaves the axes at the top."""
+    """Write the height of a curve where it leaves the axes at the top."""
     above = np.flatnonzero(values > top)
     for spike in np.split(above, np.flatnonzero(np.diff(t[above]) > SPIKE_GAP) + 1):
         if len(spike):

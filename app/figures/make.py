@@ -128,11 +128,11 @@ def _table_of_variations(walks: Walks) -> str:
         speeds = [abs(measures.lateral_speed(walk)) for walk in (variation.full, variation.mean_velocity)]
         numbers = " | ".join(f"{speed:.3f}" for speed in (measures.lateral_bound(variation.full), *speeds))
         rows.append(f"| {name} | {y.min():.1f} to {y.max():.1f} | {numbers} |")
-    asked = abs(measures.lateral_reference(walks.without_push))
+    reference = abs(measures.lateral_reference(walks.without_push))
     period = walks.variations[next(iter(walks.variations))].full.parameters["control_period"]
     return "\n".join(
         [
-            f"What decides the mean lateral speed [m/s], of {asked:g} asked (a tick of {period:g} s, no push):",
+            f"What decides the mean lateral speed [m/s], reference {reference:g} (tick {period:g} s, no push):",
             "",
             "| foothold region | feet apart [cm] | placement allows | by (19) | by (31) |",
             "|---|---|---|---|---|",

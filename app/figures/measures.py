@@ -69,7 +69,7 @@ def margins_at_samples(recording: Recording) -> Vector:
     on_grid = recording["tick"] % round(p["sampling_period"] / p["control_period"]) == 0
     after_single_support = np.concatenate([[False], recording["phase"][:-1] == Phase.SINGLE_SUPPORT])
     ticks = np.flatnonzero(on_grid & after_single_support)
-    carriers = recording["support_side"][ticks - 1]
+    support_sides = recording["support_side"][ticks - 1]
     cop = points(recording, "cop")[ticks]
     sole = np.array(p["sole"]["polygon"])
     margins = np.empty(len(ticks))
@@ -80,7 +80,7 @@ def margins_at_samples(recording: Recording) -> Vector:
         ground = polygon(outline)
         along = local @ ground.normals.T
         room = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
-        margins[carriers == number] = room[carriers == number]
+        margins[support_sides == number] = room[support_sides == number]
     return margins
 
 
@@ -149,8 +149,8 @@ def lateral_reference(recording: Recording) -> float:
 
 
 def _lateral_moments(recording: Recording) -> tuple[float, float]:
-    asked = recording["t"][recording["reference_vy"] != 0.0]
-    return float(asked[0]), float(asked[-1]) + float(recording.parameters["control_period"])
+    lateral = recording["t"][recording["reference_vy"] != 0.0]
+    return float(lateral[0]), float(lateral[-1]) + float(recording.parameters["control_period"])
 
 
 def lateral_bound(recording: Recording) -> float:

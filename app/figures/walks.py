@@ -19,7 +19,7 @@ SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos":
 SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_velocity")
 PAPER_PERIOD = Parameters().sampling_period  # [s]
 HARD_PUSH = 0.22  # [m/s] that it adds to the velocity of the CoM: too much for the sole to take without a step
-SPARE = 1.1  # of what a widened foothold region allows, over the speed that is asked
+SPARE = 1.1  # of what a widened foothold region allows, over the reference speed
 HEAVY = 100.0  # times the paper's weight of the speed, where little else is to count
 
 AS_SHIPPED = "as it ships"
@@ -84,7 +84,12 @@ def simulate(robot: str, control_period: float) -> Walks:
 
 
 def sample_motion(robot: str, control_period: float) -> Scenario:
-    """The sample motion of section 6, by `full`, of a point mass with feet."""
+    """The sample motion of section 6, by `full`, of a point mass with feet.
+
+    Args:
+        robot: name of a robot whose sample motion ships.
+        control_period: time from one tick to the next [s].
+    """
     shipped = load_scenario(SAMPLE_MOTIONS[robot])
     parameters = shipped.parameters.changed({"control_period": control_period})
     return replace(shipped, robot=replace(shipped.robot, body=None), parameters=parameters)
@@ -112,9 +117,9 @@ def pushed(scenario: Scenario, velocity: float) -> Scenario:
 def _variations(robot: str) -> dict[str, Scenario]:
     motion = pushed(sample_motion(robot, PAPER_PERIOD), 0.0)
     p, sole, region = motion.parameters, motion.robot.sole, motion.robot.foothold_region
-    asked = max(abs(event.reference.vy) for event in motion.events if event.reference is not None)
+    reference = max(abs(event.reference.vy) for event in motion.events if event.reference is not None)
     near, far = float(region[:, 1].min()), float(region[:, 1].max())
-    spread = _with_region(motion, near, max(far, near + SPARE * 2 * p.step_duration * asked))
+    spread = _with_region(motion, near, max(far, near + SPARE * 2 * p.step_duration * reference))
     return {
         AS_SHIPPED: motion,
         SPREAD: spread,

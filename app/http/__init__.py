@@ -1,4 +1,4 @@
-"""What the routes share.
+"""Schemas, refusals and guards that all routes share.
 
 `schemas`, `run_schemas` and `scenario_schema` describe bodies of requests and responses, and `refusals` gives every
 error one shape. `guards` and `token` stand before all routes; `page` serves what a browser loads, viser's client

@@ -1,7 +1,7 @@
 """Everything a browser loads: our page, and viser's page and websocket behind our own port.
 
 viser's client at `/viewer/` opens the websocket at its page's address without the trailing slash, or where the page's
-`websocket` parameter says: `/viewer/light` draws less, and `client` names the page, so that the panel knows whose
+`websocket` parameter says: `/viewer/light` draws less, and `client` names the page, so that the panel shows whose
 sliders drive. viser has no authentication and takes any Origin, so it listens on the loopback only, and
 `app.http.guards` refuses foreign pages before they come here.
 """
@@ -70,7 +70,7 @@ class ViserPage:
     compressed: bytes
     """The same by gzip."""
     tag: str
-    """Entity tag, by which a browser tells that it has the page already."""
+    """Entity tag, by which a browser says that it has the page already."""
 
     def response(self, request: Request) -> Response:
         """The page, or 304 where the browser has it."""

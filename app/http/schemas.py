@@ -58,7 +58,7 @@ class StepBody(Body):
 
 
 class SpeedBody(Body):
-    """How fast simulated time passes."""
+    """The speed of simulated time."""
 
     factor: FiniteFloat = Field(ge=SPEEDS[0], le=SPEEDS[1], description="Simulated over real time.")
 

@@ -1,7 +1,7 @@
 """The control loop's work: ticks the simulation, and carries out the server's requests between two ticks.
 
-It knows neither processes nor waiting, so that all of it can be tested tick by tick: `app.live.process` calls `tick`
-when one is due.
+There are neither processes nor waiting in it, so that all of it can be tested tick by tick: `app.live.process` calls
+`tick` when one is due.
 """
 
 import logging

@@ -22,7 +22,7 @@ class ReferenceCommand:
 
 
 NO_REFERENCE = ReferenceCommand(Reference(), "none")
-"""What holds while nobody drives."""
+"""The command that holds while nobody drives."""
 
 
 @dataclass(frozen=True, slots=True)

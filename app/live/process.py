@@ -131,7 +131,7 @@ class ControlProcess:
 
     def _has_sent(self, number: int, response: Any) -> bool:
         """Send a response; False if the socket has no room, because the server is slow to read."""
-        with suppress(ConnectionError):  # the server is gone: the next read tells
+        with suppress(ConnectionError):  # the server is gone: the next read finds out
             try:
                 self._server.send(pickle.dumps((number, response), pickle.HIGHEST_PROTOCOL), socket.MSG_DONTWAIT)
             except BlockingIOError:

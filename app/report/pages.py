@@ -75,7 +75,7 @@ def write_comparison(runs: Sequence[StoredRun], names: Sequence[str], out: Path)
 
 
 def _draw_over_time(out: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> list[str]:
-    """Draw what there is to draw; names of the files."""
+    """Draw the figures over time that the runs have columns for, and return the names of their files."""
     pictures.draw_velocity(out / "forward", runs, names, axis=0)
     pictures.draw_velocity(out / "lateral", runs, names, axis=1)
     pictures.draw_margins(out / "cop-margin", runs, names)
@@ -89,10 +89,10 @@ def _draw_over_time(out: Path, runs: Sequence[StoredRun], names: Sequence[str]) 
 
 
 def _write(out: Path, name: str, title: str, text: str, sections: Sequence[Section]) -> tuple[Path, Path]:
-    told = [section for section in sections if len(section.rows) > 1 or section.figures]
+    shown = [section for section in sections if len(section.rows) > 1 or section.figures]
     markdown, page = out / f"{name}.md", out / f"{name}.html"
-    markdown.write_text(_markdown(title, text, told), encoding="utf-8")
-    page.write_text(_html(out, title, text, told), encoding="utf-8")
+    markdown.write_text(_markdown(title, text, shown), encoding="utf-8")
+    page.write_text(_html(out, title, text, shown), encoding="utf-8")
     return markdown, page
 
 
@@ -121,7 +121,7 @@ def _html(out: Path, title: str, text: str, sections: Sequence[Section]) -> str:
 
 
 def _svg(path: Path, prefix: str) -> str:
-    """A figure to stand in a page: without its prologue, and with ids that no other figure has."""
+    """A figure for a page: without its prologue, and with ids that no other figure has."""
     drawing = path.read_text(encoding="utf-8")
     drawing = drawing[drawing.index("<svg") :]
     return (

@@ -23,7 +23,7 @@ SERIES = (palette.COM, palette.REFERENCE, palette.SUPPORT, palette.TRUE_COP, pal
 
 
 def draw_above(path: Path, run: StoredRun) -> None:
-    """Footsteps, CoM, CoP, true CoP, and where what was asked changed."""
+    """Draw footsteps, CoM, CoP, true CoP, and the places where the reference changed."""
     low_x, high_x, low_y, high_y = extent(run)
     height = min(1.05 + (WIDTH - 0.7) * (high_y - low_y) / (high_x - low_x), HIGHEST)
     with figure(path, SVG, height) as axes:
@@ -53,24 +53,24 @@ def _draw_pushes(axes: Axes, run: StoredRun) -> None:
 
 
 def draw_velocity(path: Path, runs: Sequence[StoredRun], names: Sequence[str], axis: int) -> None:
-    """Speed of the CoM along the heading (axis 0) or to its left (axis 1), and what was asked."""
+    """Draw the speed of the CoM along the heading (axis 0) or to its left (axis 1), and its reference."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
-        asked = f"reference_v{'xy'[axis]}"
+        reference = f"reference_v{'xy'[axis]}"
         for number, run in enumerate(runs):
             blue, style = ink(palette.REFERENCE), {"drawstyle": "steps-post", "linewidth": 1.0}
             label = "reference" if number == 0 else "_"
-            axes.plot(run["t"], run[asked], color=blue, label=label, alpha=0.8, **style)
+            axes.plot(run["t"], run[reference], color=blue, label=label, alpha=0.8, **style)
         _draw_series(axes, runs, names, lambda run: heading_velocity(run)[:, axis])
         title = ("Forward speed", "Lateral speed")[axis]
         _finish(axes, runs, f"{title}, in the robot's heading frame", "[m/s]")
 
 
 def draw_margins(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
-    """From the CoP to the edge of the support polygon."""
+    """Draw the distance from the CoP to the edge of the support polygon."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         axes.axhline(0.0, color="#555555", linewidth=0.8)
         kept = runs[0].parameters["cop_margin"]
-        axes.axhline(100 * kept, color="#999999", linewidth=0.8, linestyle=(0, (3, 2)), label="margin asked")
+        axes.axhline(100 * kept, color="#999999", linewidth=0.8, linestyle=(0, (3, 2)), label="margin of the QP")
         _draw_series(axes, runs, names, lambda run: 100 * support_margins(run, points(run, "cop")))
         for run in runs:
             relaxed = run["t"][run["status"] == Status.RELAXED]
@@ -79,7 +79,7 @@ def draw_margins(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) ->
 
 
 def draw_capturability(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
-    """From the DCM to the edge of the support polygon: below zero the robot has to step."""
+    """Draw the distance from the DCM to the edge of the support polygon: below zero the robot has to step."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         axes.axhline(0.0, color="#555555", linewidth=0.8)
         _draw_series(axes, runs, names, lambda run: 100 * support_margins(run, dcm(run)))
@@ -87,7 +87,7 @@ def draw_capturability(path: Path, runs: Sequence[StoredRun], names: Sequence[st
 
 
 def draw_cop_error(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
-    """From the model's CoP to the true one."""
+    """Draw the distance from the model's CoP to the true one."""
     with figure(path, SVG, SPEED_HEIGHT) as axes:
         errors = [100 * np.hypot(*cop_error(run).T) for run in runs]
         for run, name, error, colour in zip(runs, names, errors, _colours(runs, palette.TRUE_COP), strict=True):
@@ -110,7 +110,7 @@ def _colours(runs: Sequence[StoredRun], alone: palette.Colour) -> list[str]:
 
 
 def _finish(axes: Axes, runs: Sequence[StoredRun], title: str, unit: str) -> None:
-    """Pushes as dashed lines, title, and one line of legend."""
+    """Add pushes as dashed lines, title, and one line of legend."""
     for run in runs:
         for first, _ in push_rows(run):
             axes.axvline(run["t"][first], color=ink(palette.PUSH), linewidth=0.9, linestyle=(0, (3, 2)), zorder=1.5)
@@ -125,7 +125,7 @@ def _named(axes: Axes) -> list:
 
 
 def draw_paths(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:
-    """The CoMs of several runs from above."""
+    """Draw the CoMs of several runs from above."""
     extents = np.array([extent(run) for run in runs])
     low_x, high_x, low_y, high_y = extents[:, 0].min(), extents[:, 1].max(), extents[:, 2].min(), extents[:, 3].max()
     height = min(1.05 + (WIDTH - 0.7) * (high_y - low_y) / (high_x - low_x), HIGHEST)

@@ -11,7 +11,7 @@ MOST_JOINTS = 10
 
 
 def text(value: Any) -> str:
-    """A number as a reader wants it."""
+    """A value as text: numbers with four digits, None as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -24,7 +24,7 @@ def text(value: Any) -> str:
 
 
 def facts(run: StoredRun) -> Rows:
-    """What was run."""
+    """Robot, scheme, horizon and outcome of a run."""
     p, counts = run.parameters, run.metrics["status_counts"]
     return [
         ["", ""],
@@ -48,7 +48,7 @@ def metric_rows(run: StoredRun) -> Rows:
 
 
 def expectation_rows(run: StoredRun) -> Rows:
-    """What became of the scenario's expectations; only the head if there were none."""
+    """Expectations of the scenario, each with what was measured; only the head if there were none."""
     verdicts: Sequence[Mapping[str, Any]] = run.run.get("expectations", [])
     rows = [[v["name"], text(v["bound"]), text(v["measured"]), "holds" if v["holds"] else "BROKEN"] for v in verdicts]
     return [["expectation", "bound", "measured", ""], *rows]
@@ -64,7 +64,7 @@ def steady_rows(run: StoredRun) -> Rows:
 
 
 def push_rows(run: StoredRun) -> Rows:
-    """How each push was got over."""
+    """Recovery from each push."""
     rows = [
         [text(p["t"]), text(p["impulse"]), text(p["time"]), text(p["steps"]), text(p["com_deviation"])]
         for p in run.metrics["pushes"]

@@ -70,7 +70,7 @@ async def push(body: PushBody, runner: LiveRunner) -> PushBody:
 async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
     """The plan that would follow this push if it came now, all at once; the robot does not feel it.
 
-    `survives` tells whether the legs are long enough for that plan, and further steps can catch the robot at its end.
+    `survives` is true if the legs are long enough for that plan, and further steps can catch the robot at its end.
     """
     snapshot = await asyncio.wrap_future(runner.preview(body.to_push()))
     return preview_json(snapshot, runner.robot, runner.parameters)
@@ -135,7 +135,7 @@ async def reset(runner: LiveRunner) -> dict[str, Any]:
 
 @router.get("/layers")
 async def layers(viewer: LiveViewer) -> dict[str, bool]:
-    """Which layers of the scene are drawn, for all browsers."""
+    """The layers of the scene, and whether each is drawn, for all browsers."""
     return viewer.layers
 
 

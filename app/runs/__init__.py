@@ -1,6 +1,6 @@
-"""Scripted runs: taken in, queued, simulated in processes of their own, and kept.
+"""Scripted runs: admitted, queued, simulated in processes of their own, and kept.
 
-`runs` is what the routes use. `admission` decides what may be asked of the server, `store` keeps runs on the disk,
+`runs` serves the routes. `admission` checks scenarios against the limits of the server, `store` keeps runs on the disk,
 `queue` has them simulated one after the other, and `simulation` is what the processes do.
 """
 

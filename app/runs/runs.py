@@ -77,7 +77,12 @@ class Runs:
         return run
 
     def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
-        """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done."""
+        """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done.
+
+        Args:
+            recording: of the walk.
+            real_time_factor: simulated over real time, where it is known.
+        """
         scenario = recording.scenario
         run = self._store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
         try:

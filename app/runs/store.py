@@ -87,7 +87,14 @@ class RunStore:
             shutil.rmtree(self._done / stray, ignore_errors=True)
 
     def add(self, scenario: Mapping[str, Any], robot: str, duration: float, status: str = "queued") -> Run:
-        """Take in a run, under a new id."""
+        """Take in a run, under a new id.
+
+        Args:
+            scenario: as it was sent.
+            robot: name of its robot.
+            duration: simulated time [s].
+            status: to begin with.
+        """
         run_id = uuid4().hex
         row = (run_id, json.dumps(scenario), robot, duration, status, time.time())
         with self._lock:
