@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from app.commands.run_commands import simulate_all
-from app.runs.simulation import Simulate
+from app.runs.run_jobs import Simulate
 from app.settings import usable_cores
 from walkcore import load_scenario, scenario_names
 

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from app.formats import read_run
 from app.jobs import JobPool, ProcessDiedError
 from app.runs.run import RunProgress
-from app.runs.simulation import Simulate, SimulationResult
+from app.runs.run_jobs import Simulate, SimulationResult
 from app.settings import usable_cores
 from walkcore import WalkError, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError

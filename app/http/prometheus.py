@@ -16,7 +16,7 @@ from prometheus_client.registry import Collector
 
 from app.live.live_state import LiveState
 from app.live.runner import Runner
-from app.live.tick_scheduler import LATENESS_EDGES, Timing
+from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
 
 SERVER = psutil.Process()
 
@@ -86,7 +86,7 @@ def _by_process(runner: Runner, measure: Callable[[psutil.Process], float]) -> d
     return found
 
 
-def _tick_metrics(timing: Timing) -> Iterator[Metric]:
+def _tick_metrics(timing: TickTiming) -> Iterator[Metric]:
     yield CounterMetricFamily("walk_ticks", "Ticks taken on schedule.", timing.ticks)
     yield CounterMetricFamily("walk_tick_misses", "Ticks that started more than a period late.", timing.misses)
     counts, buckets = 0, list[tuple[str, float]]()

@@ -9,7 +9,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, mo
 
 from app.drawing.outlines import foothold_regions, is_caught, support_polygon
 from app.live.runner import INTERVALS, SPEEDS, LiveState
-from app.live.tick_scheduler import LATENESS_EDGES, Timing
+from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.scenario.recording import row
 
@@ -194,7 +194,7 @@ def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> di
     }
 
 
-def late_json(timing: Timing) -> dict[str, int]:
+def late_json(timing: TickTiming) -> dict[str, int]:
     """Number of ticks that started later than each edge, by the edge in ms."""
     return {f"{1e3 * edge:g}": timing.later_than(edge) for edge in LATENESS_EDGES}
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from app.live.tick_scheduler import Timing
+from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
 
@@ -52,7 +52,7 @@ class LiveState:
     """The robot after its latest tick."""
 
     snapshot: Snapshot
-    timing: Timing
+    timing: TickTiming
     running: bool
     """Whether time passes; False while paused."""
     driver: str

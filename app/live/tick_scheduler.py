@@ -13,7 +13,7 @@ LATENESS_EDGES = (0.001, 0.005, 0.05)  # [s] between the classes by which late t
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Timing:
+class TickTiming:
     """Measures of how well the ticks keep up with real time."""
 
     tick_ms: float
@@ -109,10 +109,10 @@ class TickScheduler:
             self._stages[stage] = now if mean is None else mean + (now - mean) * SMOOTHING
 
     @property
-    def timing(self) -> Timing:
+    def timing(self) -> TickTiming:
         """The measures at this moment."""
         elapsed = self._starts[-1] - self._starts[0] if self._starts else 0.0
-        return Timing(
+        return TickTiming(
             tick_ms=1e3 * self._mean,
             tick_ms_max=1e3 * max(self._durations),
             misses=self._misses,

@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from pydantic import StrictBool
 
-from app.http.run_schemas import RunBody, address, run_body
+from app.http.run_schemas import RunBody, address
 from app.http.schemas import (
     ErrorBody,
     PushBody,
@@ -104,7 +104,7 @@ async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: Save
     name = requested.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
     run = await asyncio.to_thread(lambda: runs.add_finished(session.recording(name, runner.robot)))
     response.headers["Location"] = address(run.id)
-    return run_body(run)
+    return RunBody.model_validate(run)
 
 
 @router.post("/pause")

@@ -11,7 +11,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from app.formats import FORMATS
 from app.http.guards import MAX_BODY
-from app.http.run_schemas import RunBody, RunSummary, address, run_body, run_summary
+from app.http.run_schemas import RunBody, RunSummary, address
 from app.http.scenario_schema import SCENARIO
 from app.http.schemas import ErrorBody
 from app.routes.dependencies import AllRuns, KnownRun
@@ -50,19 +50,19 @@ def submit(scenario: dict[str, Any], runs: AllRuns, response: Response) -> RunBo
     """Simulate a scenario, as `walk run` does with a file of the same content; responds at once."""
     run = runs.submit(scenario)
     response.headers["Location"] = address(run.id)
-    return run_body(run)
+    return RunBody.model_validate(run)
 
 
 @router.get("")
 def all_runs(runs: AllRuns) -> list[RunSummary]:
     """All runs that are kept, the latest first."""
-    return [run_summary(run) for run in runs.list()]
+    return [RunSummary.model_validate(run) for run in runs.list()]
 
 
 @router.get("/{run_id}", responses=UNKNOWN)
 def one_run(run: KnownRun) -> RunBody:
     """The state of a run: queued, running with progress, done with metrics, failed with the reason, or cancelled."""
-    return run_body(run)
+    return RunBody.model_validate(run)
 
 
 @router.delete("/{run_id}", response_model=RunBody, responses=UNKNOWN | {204: {"description": "It is removed."}})
@@ -70,7 +70,7 @@ def delete(run_id: str, runs: AllRuns) -> RunBody | Response:
     """Cancel a run that has not ended (200, and it is kept as cancelled); remove one that has, files and all (204)."""
     if runs.delete(run_id).has_ended:
         return Response(status_code=204)
-    return run_body(runs.get(run_id))
+    return RunBody.model_validate(runs.get(run_id))
 
 
 # FastAPI would say that refusals, too, are event streams.
@@ -84,12 +84,12 @@ REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/sch
 )
 async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]:
     """Follow a run by server-sent events: its state, whenever that changes, until it has ended."""
-    sent = run_summary(run)
+    sent = RunSummary.model_validate(run)
     yield ServerSentEvent(data=sent)
     while not run.has_ended:
         await asyncio.sleep(EVENT_PERIOD)
         run = runs.get(run.id)
-        if (now := run_summary(run)) != sent:
+        if (now := RunSummary.model_validate(run)) != sent:
             sent = now
             yield ServerSentEvent(data=sent)
 

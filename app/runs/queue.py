@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.jobs import JobProcess, ProcessDiedError
 from app.runs.run import NoRecordingError, Run, RunProgress, RunsUnavailableError
-from app.runs.simulation import Simulate, convert
+from app.runs.run_jobs import Simulate, convert
 from app.runs.store import RunStore
 from walkcore import WalkError
 
