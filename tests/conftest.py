@@ -1,12 +1,15 @@
-"""A real server, started as a user starts it."""
+"""Helpers of many tests: a real server, started as a user starts it, a browser, and time."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 WALK = Path(sys.executable).parent / "walk"
 START = 60.0  # [s] a slow machine may take
+PATIENCE = 120.0  # [s] on a busy machine, after which something hangs
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -68,6 +72,43 @@ def start_server(*options: str, **environment: str) -> Server:
     return server
 
 
+@contextmanager
+def serving(*options: str, **environment: str) -> Iterator[Server]:
+    """A server on a free port, which is stopped at the end and must have had no trouble until then."""
+    server = start_server(*options, **environment)
+    try:
+        yield server
+    finally:
+        server.process.terminate()
+        code = server.process.wait(10)
+    output = "".join(server.output)
+    assert code == -signal.SIGTERM, f"the server had ended before: {output}"
+    assert not {"Traceback", "Warning"} & set(re.findall(r"\w+", output)), output
+
+
+def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+class Clock:
+    """Time on the wall that passes only where a test lets it [s]."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Where the servers of the tests keep their runs, instead of where the user's are."""
@@ -88,11 +129,8 @@ def viser_server() -> Iterator[viser.ViserServer]:
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
     """One server for the tests of a file."""
-    server = start_server("--scene", "light")
-    yield server
-    server.process.terminate()
-    assert server.process.wait(10) == -signal.SIGTERM, f"the server had ended before: {server.output}"
-    assert "Traceback" not in "".join(server.output), "".join(server.output)
+    with serving("--scene", "light") as server:
+        yield server
 
 
 @pytest.fixture

@@ -6,13 +6,12 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable
 
 import httpx
 import numpy as np
 import pytest
 import viser
-from conftest import WALK, Server, start_server
+from conftest import PATIENCE, WALK, Server, start_server, wait_for
 from prometheus_client.parser import text_string_to_metric_families
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -26,7 +25,6 @@ COLUMNS = """
 PERIOD = 0.005  # [s]
 FOREIGN = "http://elsewhere.example"
 RUN_FILES = ("events", "recording.{ending}", "run.json")
-PATIENCE = 20.0  # [s] on a busy machine
 
 
 def live(api: httpx.Client) -> dict:
@@ -35,13 +33,6 @@ def live(api: httpx.Client) -> dict:
 
 def _refuse_constant(name: str) -> None:
     raise AssertionError(f"{name} is not JSON")
-
-
-def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
-    end = time.monotonic() + patience
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def put_json(api: httpx.Client, method: str, path: str, text: str) -> httpx.Response:
@@ -501,7 +492,7 @@ def test_a_saved_session_is_a_run_that_replays_to_the_same_decisions(api):
     assert driven["tick"].tolist() == list(range(301)) and driven["push_y"].sum() == pytest.approx(5.0)
     replay = api.post("runs", json=run["scenario"])
     address = replay.headers["Location"].removeprefix("/api/v1/")
-    wait_for(lambda: api.get(address).json()["status"] == "done", patience=120.0)
+    wait_for(lambda: api.get(address).json()["status"] == "done")
     replayed = recording(api, address)
     different = [name for name in driven.files if driven[name].tobytes() != replayed[name].tobytes()]
     assert different == [], {name: np.nanmax(np.abs(driven[name] - replayed[name])) for name in different}

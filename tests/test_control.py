@@ -1,6 +1,7 @@
 """The control loop, tick by tick, without a process around it."""
 
 import pytest
+from conftest import Clock
 
 from app.live.control import Control, NotPausedError
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
@@ -11,19 +12,6 @@ from walkcore.mpc.plan import Status
 HRP2 = load_robot("hrp2")
 PERIOD = 0.02  # [s]
 PARAMETERS = Parameters(control_period=PERIOD)
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture

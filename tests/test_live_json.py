@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import msgspec
 import pytest
+from conftest import Clock
 
 from app.http.schemas import live_json
 from app.live.control import Control
@@ -14,13 +15,6 @@ from walkcore import Parameters, Push, Reference, load_robot
 from walkcore.mpc.plan import Status
 
 PERIOD = 0.02  # [s]
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.mark.parametrize("name", ["hrp2", "talos"])

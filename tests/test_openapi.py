@@ -6,7 +6,7 @@ from typing import Any
 import httpx
 import pytest
 import schemathesis
-from conftest import Server, start_server
+from conftest import Server, serving
 from hypothesis import HealthCheck, given, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
@@ -17,11 +17,8 @@ FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    server = start_server("--robot", "hrp2", "--scene", "light", RUNS_QUEUED="5")
-    yield server
-    server.process.terminate()
-    server.process.wait(10)
-    assert "Traceback" not in "".join(server.output), "".join(server.output)
+    with serving("--robot", "hrp2", "--scene", "light", RUNS_QUEUED="5") as server:
+        yield server
 
 
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)

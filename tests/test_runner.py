@@ -5,23 +5,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import psutil
 import pytest
+from conftest import PATIENCE, wait_for
 
 from app.live.runner import NoResponseError, NotPausedError, Runner
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
-
-PATIENCE = 120.0  # [s] on a busy machine
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 @pytest.fixture(scope="module")

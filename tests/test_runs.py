@@ -2,10 +2,8 @@
 
 import json
 import math
-import re
 import subprocess
 import threading
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +13,7 @@ import httpx
 import numpy as np
 import psutil
 import pytest
-from conftest import WALK, Server, start_server
+from conftest import WALK, Server, serving, start_server, wait_for
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -42,11 +40,8 @@ LONG = {"name": "long", "robot": "hrp2", "duration": 500.0}
 def server(tmp_path_factory) -> Iterator[Server]:
     """A server of its own, with room for few runs."""
     folder = tmp_path_factory.mktemp("server") / "runs"
-    server = start_server("--robot", "hrp2", "--scene", "light", WALK_DATA=str(folder), RUNS_QUEUED="20")
-    yield server
-    server.process.terminate()
-    server.process.wait(10)
-    assert not {"Traceback", "Warning"} & set(re.findall(r"\w+", output := "".join(server.output))), output
+    with serving("--robot", "hrp2", "--scene", "light", WALK_DATA=str(folder), RUNS_QUEUED="20") as server:
+        yield server
 
 
 @pytest.fixture
@@ -83,27 +78,18 @@ def service(folder: Path, **changes: Any) -> Runs:
 
 def ended(get: Any, run_id: str) -> Any:
     """A run, once nothing more will change."""
-    end = time.monotonic() + PATIENCE
-    while (run := get(run_id)).has_ended is False:
-        assert time.monotonic() < end, run
-        time.sleep(0.02)
-    return run
+    wait_for(lambda: get(run_id).has_ended, PATIENCE)
+    return get(run_id)
 
 
 def ended_over_rest(api: httpx.Client, run_id: str) -> dict:
-    end = time.monotonic() + PATIENCE
-    while (run := api.get(f"runs/{run_id}").json())["status"] in ("queued", "running"):
-        assert time.monotonic() < end, run
-        time.sleep(0.05)
-    return run
+    wait_for(lambda: api.get(f"runs/{run_id}").json()["status"] not in ("queued", "running"), PATIENCE)
+    return api.get(f"runs/{run_id}").json()
 
 
-def wait_until_running(get: Any, run_id: str) -> Any:
-    end = time.monotonic() + PATIENCE
-    while (run := get(run_id)).progress.fraction == 0.0:
-        assert time.monotonic() < end and not run.has_ended, run
-        time.sleep(0.02)
-    return run
+def wait_until_running(get: Any, run_id: str) -> None:
+    wait_for(lambda: get(run_id).progress.fraction > 0.0 or get(run_id).has_ended, PATIENCE)
+    assert not get(run_id).has_ended
 
 
 def workers(server: int | None = None) -> list[psutil.Process]:
@@ -161,10 +147,7 @@ def test_runs_are_listed_latest_first(api):
 
 def test_delete_stops_a_running_run_and_removes_an_ended_one(api, server):
     run_id = api.post("runs", json=LONG).json()["id"]
-    end = time.monotonic() + PATIENCE
-    while api.get(f"runs/{run_id}").json()["progress"] == 0.0:
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_for(lambda: api.get(f"runs/{run_id}").json()["progress"] > 0.0, PATIENCE)
     busy = workers(server.process.pid)
     assert busy
     assert api.get(f"runs/{run_id}/recording.npz").status_code == 409
@@ -262,14 +245,12 @@ def test_runs_survive_a_server_that_is_killed(tmp_path):
         ended_over_rest(api, done)
         recording = api.get(f"runs/{done}/recording.npz").content
         under_way, waiting = (api.post("runs", json=scenario).json()["id"] for scenario in (LONG, SHORT))
-        while api.get(f"runs/{under_way}").json()["progress"] == 0.0:
-            time.sleep(0.05)
+        wait_for(lambda: api.get(f"runs/{under_way}").json()["progress"] > 0.0, PATIENCE)
     orphans = psutil.Process(server.process.pid).children(recursive=True)
     server.process.kill()
     server.process.wait(10)
 
-    server = start_server("--robot", "hrp2", WALK_DATA=folder)
-    with server.client() as api:
+    with serving("--robot", "hrp2", WALK_DATA=folder) as server, server.client() as api:
         run = api.get(f"runs/{under_way}").json()
         assert (run["status"], run["reason"]) == ("failed", SERVER_DIED)
         assert ended_over_rest(api, waiting)["status"] == "done", "what waited is taken up"
@@ -277,8 +258,6 @@ def test_runs_survive_a_server_that_is_killed(tmp_path):
         assert len(api.get("runs").json()) == 3
     assert psutil.wait_procs(orphans, timeout=PATIENCE)[1] == [], "workers of the dead server end by themselves"
     assert {path.name for path in (tmp_path / "data" / "done").iterdir()} == {done, waiting}
-    server.process.terminate()
-    server.process.wait(10)
 
 
 # Without a server

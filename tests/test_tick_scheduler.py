@@ -1,34 +1,18 @@
 """The schedule of the ticks, and the measures of how they keep up."""
 
 import pytest
+from conftest import Clock
 
 from app.live.tick_scheduler import MAX_CATCH_UP, TickScheduler
-
-START = 100.0
-
-
-class Clock:
-    """Time that passes only when it is told to."""
-
-    def __init__(self) -> None:
-        self.now = START
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 def starts(scheduler: TickScheduler, clock: Clock, durations: list[float]) -> list[float]:
     """Time at which each tick starts, if the ticks take so long."""
-    times = []
+    start, times = clock.now, []
     for duration in durations:
         clock.now += max(scheduler.time_left, 0.0)
         scheduler.start_tick()
-        times.append(clock.now - START)
+        times.append(clock.now - start)
         clock.now += duration
         scheduler.record(duration, {"solve": duration / 2})
     return times

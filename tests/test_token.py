@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from conftest import Server, start_server
+from conftest import Server, serving
 from playwright.sync_api import sync_playwright
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
@@ -18,11 +18,8 @@ PATIENCE = 60e3  # [ms]
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    server = start_server("--robot", "hrp2", "--scene", "light", WALK_TOKEN=TOKEN)
-    yield server
-    server.process.terminate()
-    server.process.wait(10)
-    assert "Traceback" not in "".join(server.output), "".join(server.output)
+    with serving("--robot", "hrp2", "--scene", "light", WALK_TOKEN=TOKEN) as server:
+        yield server
     assert "horse" not in "".join(server.output)
 
 
