@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from app.live.channel import HEADER, LatestValue
+from app.live.channel import LatestValue
 
 CAPACITY = 4096
 
@@ -23,8 +23,13 @@ for i in range(1, 60_000):
 
 
 @pytest.fixture
-def latest() -> LatestValue:
-    return LatestValue(memoryview(mmap.mmap(-1, LatestValue.size(CAPACITY))), CAPACITY)
+def memory() -> mmap.mmap:
+    return mmap.mmap(-1, LatestValue.size(CAPACITY))
+
+
+@pytest.fixture
+def latest(memory) -> LatestValue:
+    return LatestValue(memoryview(memory), CAPACITY)
 
 
 def test_nothing_then_always_the_latest(latest):
@@ -33,10 +38,8 @@ def test_nothing_then_always_the_latest(latest):
         before = time.perf_counter()
         latest.write(str(i).encode())
         message = latest.read()
-        assert (message.count, message.data) == (
-            i,
-            str(i).encode(),
-        ) and before <= message.written_at <= time.perf_counter()
+        assert (message.count, message.data) == (i, str(i).encode())
+        assert before <= message.written_at <= time.perf_counter()
 
 
 def test_what_is_too_long_is_refused_and_changes_nothing(latest):
@@ -46,13 +49,14 @@ def test_what_is_too_long_is_refused_and_changes_nothing(latest):
     assert latest.read().data == b"x" * CAPACITY
 
 
-def test_a_value_that_was_half_written_is_not_read(latest, monkeypatch):
+def test_a_value_that_was_half_written_is_not_read(latest, memory, monkeypatch):
     latest.write(b"one")
     latest.write(b"two")
-    latest._memory[latest._buffer(2) + HEADER.size] = ord("x")
+    place = memory.find(b"two")
+    memory[place] = ord("x")
 
     def mend(_: float) -> None:
-        latest._memory[latest._buffer(2) + HEADER.size] = ord("t")
+        memory[place] = ord("t")
 
     monkeypatch.setattr("app.live.channel.time.sleep", mend)
     assert latest.read().data == b"two"

@@ -5,7 +5,7 @@ from conftest import Clock
 
 from app.live.control import Control, NotPausedError
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
-from walkcore import Parameters, Push, Reference, WalkError, load_robot
+from walkcore import Parameters, Push, Reference, Simulation, WalkError, load_robot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 
@@ -61,11 +61,11 @@ def test_every_tick_is_taken_and_shown(control, clock, shown):
 
 
 def test_an_unexpected_error_pauses_the_robot_and_is_told(control, clock, monkeypatch, caplog):
-    def fail(_: object) -> None:
+    def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
     with monkeypatch.context() as broken:
-        broken.setattr(control._simulation, "step", fail)
+        broken.setattr(Simulation, "step", fail)
         walk(control, clock, 1)
     assert control.latest.fault == "ZeroDivisionError: a bug" and not control.latest.running
     assert "a bug" in caplog.text
