@@ -43,8 +43,8 @@ def empty_loop() -> Iterator[EmptyLoop]:
 
 def _run(counts: "SynchronizedArray[int]") -> None:
     request_real_time_priority()
-    pace = TickScheduler(PERIOD)
+    scheduler = TickScheduler(PERIOD)
     while True:
-        time.sleep(max(pace.time_left, 0.0))
-        pace.begin()
-        counts[:] = pace.timing.lateness
+        time.sleep(max(scheduler.time_left, 0.0))
+        scheduler.start_tick()
+        counts[:] = scheduler.timing.lateness

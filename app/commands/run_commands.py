@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import tyro
 from tqdm import tqdm
 
-from app.formats import read_run
+from app.formats import FORMATS, read_run
 from app.jobs import JobPool, ProcessDiedError
 from app.runs.run import RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
@@ -20,7 +20,7 @@ from walkcore import WalkError, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.expectations import Verdict
 
-Ending = Literal["npz", "csv", "parquet", "mcap", "html"]
+Ending = Literal[tuple(FORMATS)]
 BAR = "{l_bar}{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
 BROKEN = 1
 """Exit code of a run that breaks an expectation of its scenario."""
@@ -39,7 +39,7 @@ class RunCommand:
     """Names of some that ship (see `walk scenarios`), or files."""
     out: Path
     """Folder for run.json and the recording; of several scenarios each gets a folder of its own in there."""
-    formats: Annotated[tuple[Ending, ...], tyro.conf.arg(name="format")] = ("npz", "csv")
+    formats: Annotated[tuple[Ending, ...], tyro.conf.arg(name="format")] = ("npz", "csv")  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
     """Files of the recording: NumPy, CSV, Parquet, MCAP (Foxglove), a 3-D replay in a page."""
     jobs: int = 0
     """Scenarios simulated at the same time; 0 for as many as there are cores."""
