@@ -111,7 +111,7 @@ def clock() -> Clock:
 
 @pytest.fixture(scope="session", autouse=True)
 def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Where the servers of the tests keep their runs, instead of where the user's are."""
+    """Folder for the runs of the tests' servers, instead of the user's."""
     folder = tmp_path_factory.mktemp("data")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("WALK_DATA", str(folder))
@@ -120,7 +120,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture
 def viser_server() -> Iterator[viser.ViserServer]:
-    """viser's own, for what is drawn without a robot that is served."""
+    """A viser server of its own, for scenes without a served robot."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server
     server.stop()

@@ -40,7 +40,7 @@ def put_json(api: httpx.Client, method: str, path: str, text: str) -> httpx.Resp
     return api.request(method, path, content=text, headers={"Content-Type": "application/json"})
 
 
-def test_health_tells_how_the_walk_keeps_up(api):
+def test_health_reports_how_the_walk_keeps_up(api):
     health = api.get("health").json()
     assert health["robot"] == "talos" and health["tick_rate"] == 200.0
     assert 0.0 < health["tick_ms"] <= health["tick_ms_max"]
@@ -208,7 +208,7 @@ def test_step_is_refused_while_the_robot_runs(api):
     assert answer.status_code == 409 and "pause" in answer.json()["detail"]
 
 
-def test_reset_puts_the_robot_back_with_nothing_asked(api):
+def test_reset_puts_the_robot_back_with_no_reference(api):
     first = api.post("live/reset").json()
     api.put("live/reference", json={"vx": 0.2})
     wait_for(lambda: live(api)["com_x"] > 0.05)
@@ -287,7 +287,7 @@ def test_joystick_push_is_clamped_to_the_strongest_there_is(api, server):
         b'{"reference": {"vx": 0.1}}',
     ],
 )
-def test_bad_joystick_message_is_answered_and_changes_nothing(api, server, message):
+def test_bad_joystick_message_is_refused_and_changes_nothing(api, server, message):
     with connect(server.socket_url("teleop")) as joystick:
         joystick.send(message)
         assert set(json.loads(joystick.recv(PATIENCE))) == {"error"}
@@ -303,7 +303,7 @@ def test_message_that_is_far_too_long_ends_the_connection(server):
             joystick.recv(PATIENCE)
 
 
-def test_stream_sends_what_the_snapshot_route_tells(api, server):
+def test_stream_sends_the_keys_of_the_snapshot_route(api, server):
     with connect(server.socket_url("stream?rate=30")) as stream:
         first, second = (json.loads(stream.recv(PATIENCE), parse_constant=_refuse_constant) for _ in range(2))
         assert set(first) == set(live(api))
@@ -371,7 +371,7 @@ def test_wrong_setting_is_one_line_and_exit_code_2(name, value):
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_server_stops_at_once_though_somebody_watches(how):
+def test_server_stops_at_once_though_a_stream_is_open(how):
     server: Server = start_server("--robot", "hrp2")
     with connect(server.socket_url("stream")) as stream:
         stream.recv(PATIENCE)
@@ -412,7 +412,7 @@ def test_single_samples_lead_from_one_to_the_next(api):
     assert [api.post("live/step", json={"samples": n}).json()["tick"] for n in (1, 1, 2)] == [20, 40, 80]
 
 
-def test_speed_slows_simulated_time_and_is_told(api):
+def test_speed_slows_simulated_time_and_is_reported(api):
     try:
         assert api.post("live/speed", json={"factor": 0.1}).json()["speed"] == 0.1
         assert api.get("health").json()["speed"] == 0.1
@@ -425,7 +425,7 @@ def test_speed_slows_simulated_time_and_is_told(api):
         assert api.post("live/speed", json={"factor": 1.0}).json()["speed"] == 1.0
 
 
-def test_preview_shows_the_steps_that_would_answer_and_the_robot_feels_nothing(api):
+def test_preview_shows_the_steps_that_would_follow_and_the_robot_feels_nothing(api):
     api.post("live/pause")
     api.post("live/reset")
     api.put("live/reference", json={"vx": 0.2})
@@ -441,7 +441,7 @@ def test_preview_shows_the_steps_that_would_answer_and_the_robot_feels_nothing(a
     assert after["push_y"] == 0.0 and after["last_push"] is None
 
 
-def test_what_became_of_the_last_push_is_told(api):
+def test_the_outcome_of_the_last_push_is_reported(api):
     api.post("live/pause")
     api.post("live/reset")
     api.post("live/step", json={"ticks": 100})
@@ -511,7 +511,7 @@ def test_a_walk_can_be_saved_after_its_reset_under_a_name_of_ours(api):
     api.delete(f"runs/{run['id']}")
 
 
-def test_metrics_are_told_to_prometheus(api, server):
+def test_metrics_are_reported_to_prometheus(api, server):
     answer = httpx.get(f"{server.url}metrics")
     assert answer.headers["content-type"].startswith("text/plain")
     families = {family.name: family for family in text_string_to_metric_families(answer.text)}
@@ -542,7 +542,7 @@ def drawn_frames(server: Server) -> tuple[float, float]:
     return count.value, seconds.value
 
 
-def test_metrics_tell_what_drawn_frames_cost_while_somebody_looks(server):
+def test_metrics_report_the_cost_of_drawn_frames_while_a_browser_looks(server):
     with connect(f"ws://{server.host}/viewer", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:
         before = drawn_frames(server)
         end = time.monotonic() + PATIENCE

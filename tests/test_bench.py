@@ -1,4 +1,4 @@
-"""What `walk bench` measures is what it says; no test here fails on a time."""
+"""Measures of `walk bench` add up; no test here fails on a time."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def test_a_solver_that_is_wrong_shows(monkeypatch):
     assert results["lazy"].foothold_error_max == pytest.approx(1.0, rel=0.01)
 
 
-def test_the_table_tells_all_of_it(result):
+def test_the_table_shows_all_of_it(result):
     text = table(result)
     for name in (*result.stages, *result.solvers, "assemble + solve", "around the solver", "with the body"):
         assert name in text

@@ -60,7 +60,7 @@ def test_every_tick_is_taken_and_shown(control, clock, shown):
     assert set(control.latest.timing.stages) >= {"gait", "assemble", "solve", "swing_foot"}
 
 
-def test_an_unexpected_error_pauses_the_robot_and_is_told(control, clock, monkeypatch, caplog):
+def test_an_unexpected_error_pauses_the_robot_and_is_reported(control, clock, monkeypatch, caplog):
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
@@ -167,7 +167,7 @@ def follow(control: Control, clock: Clock, push: Push, nb_ticks: int = 400) -> l
     return story
 
 
-def test_a_push_that_is_caught_is_told_with_its_steps(control, clock):
+def test_a_push_that_is_survived_is_reported_with_its_steps(control, clock):
     control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
     walk(control, clock, 300)
     story = follow(control, clock, Push([0.0, 12.0]))

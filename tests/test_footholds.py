@@ -1,4 +1,4 @@
-"""Where a foot may land: what is tried, what is refused and why, and the polygons that sum it up."""
+"""Safe foothold regions: steps that are tried, why they are refused, and the polygons that sum them up."""
 
 import os
 from itertools import pairwise
@@ -136,7 +136,7 @@ def test_too_few_samples_are_refused():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_an_safe_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_be_kept(seed):
+def test_a_safe_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_be_kept(seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.0, 1.0, (300, 2))
     is_allowed = np.linalg.norm(points / [1.0, 0.7], axis=1) < 0.8
@@ -149,7 +149,7 @@ def test_an_safe_polygon_leaves_out_what_is_forbidden_and_keeps_what_is_to_be_ke
     assert area(corners) > 0.7 * np.pi * 0.8 * 0.56
 
 
-def test_what_cannot_be_cut_off_is_told():
+def test_points_that_cannot_be_cut_off_are_an_error():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     with pytest.raises(EmptyRegionError, match="cut off"):
         safe_polygon(square, np.array([[0.5, 0.5]]), np.array([[0.5, 0.5]]), 5)

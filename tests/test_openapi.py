@@ -1,4 +1,4 @@
-"""The API keeps what its document promises, whatever it is sent."""
+"""The API responds as its document says, to valid and to invalid requests."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -22,7 +22,7 @@ def server() -> Iterator[Server]:
 
 
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
-def test_every_answer_is_as_documented(server, mode):
+def test_every_response_is_as_documented(server, mode):
     document = schemathesis.openapi.from_url(f"{server.url}openapi.json")
     problems = []
     for found in document.get_all_operations():

@@ -13,8 +13,8 @@ UPGRADE = (
 )
 
 
-def test_who_leaves_before_the_scene_opens_does_not_hold_up_the_end():
-    """viser's answer to a close comes after its first messages, and nobody takes those."""
+def test_browsers_that_leave_before_the_scene_opens_do_not_hold_up_the_end():
+    """viser's response to a close comes after its first messages, and nobody takes those."""
     with serving("--robot", "hrp2", "--scene", "light") as server:
         port = int(server.host.rpartition(":")[2])
         for path in VISITS * ["/viewer", "/viewer/light"]:

@@ -95,7 +95,7 @@ def test_bad_input_is_one_line_and_exit_code_two(arguments, told, tmp_path, monk
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_reader_who_has_read_enough_ends_the_command_without_a_word():
+def test_a_reader_that_has_read_enough_ends_the_command_without_a_word():
     read_end, write_end = os.pipe()
     os.close(read_end)
     said = subprocess.run([WALK, "robots"], stdout=write_end, stderr=subprocess.PIPE, text=True)
@@ -131,7 +131,7 @@ def test_runs_are_compared_side_by_side(runs, tmp_path):
     assert page.count("<svg") == 6 and "Parameters that differ" in page
 
 
-def test_a_run_that_cannot_be_read_is_told(runs, tmp_path):
+def test_a_run_that_cannot_be_read_is_refused(runs, tmp_path):
     (tmp_path / "run.json").write_text("{}")
     (tmp_path / "recording.npz").write_text("nothing")
     said = walk("report", tmp_path)

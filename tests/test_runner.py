@@ -1,4 +1,4 @@
-"""The control process, as the server meets it."""
+"""The control process, as the server sees it."""
 
 import os
 import signal
@@ -71,7 +71,7 @@ def test_push_begins_once(runner):
     assert [runner.step(1).result(PATIENCE).snapshot.push[1] for _ in range(2)] == [5.0, 0.0]
 
 
-def test_what_was_asked_before_a_reset_does_not_come_after_it(runner):
+def test_commands_from_before_a_reset_do_not_come_after_it(runner):
     runner.pause().result(PATIENCE)
     runner.push(Push([0.0, 5.0]))
     runner.drive(Reference(vx=0.1), "rest")
@@ -81,7 +81,7 @@ def test_what_was_asked_before_a_reset_does_not_come_after_it(runner):
 
 
 @pytest.mark.parametrize("beyond", [Reference(vx=99.0), Push([1e4, 0.0])])
-def test_what_is_beyond_the_limits_does_not_get_in(runner, beyond):
+def test_commands_beyond_the_limits_do_not_get_in(runner, beyond):
     with pytest.raises(WalkError):
         runner.drive(beyond, "rest") if isinstance(beyond, Reference) else runner.push(beyond)
     time.sleep(0.05)
@@ -139,7 +139,7 @@ def test_random_pushes_are_on_until_they_are_switched_off(runner):
     assert runner.push_at_random(0.0, 0.2).result(PATIENCE).random_pushes is None
 
 
-def test_a_robot_that_cannot_stand_is_told_to_whoever_asks():
+def test_a_robot_that_cannot_stand_fails_every_request():
     runner = Runner(load_robot("talos"), Parameters(com_height=1.9))
     with pytest.raises(WalkError):
         runner.wait()
@@ -159,7 +159,7 @@ def mortal() -> Iterator[Runner]:
     runner.stop()
 
 
-def test_death_of_the_control_process_is_told_and_a_reset_starts_another(mortal):
+def test_death_of_the_control_process_is_reported_and_a_reset_starts_another(mortal):
     mortal.change({"cop_margin": 0.02}).result(PATIENCE)
     tick = mortal.latest.snapshot.tick
     os.kill(mortal.process_id, signal.SIGKILL)
@@ -177,7 +177,7 @@ def test_death_of_the_control_process_is_told_and_a_reset_starts_another(mortal)
     assert mortal.parameters.cop_margin == 0.02
 
 
-def test_a_control_process_that_hangs_is_told(mortal):
+def test_a_control_process_that_hangs_is_reported(mortal):
     os.kill(mortal.process_id, signal.SIGSTOP)
     wait_for(lambda: "silent" in mortal.latest.fault)
     os.kill(mortal.process_id, signal.SIGCONT)

@@ -276,7 +276,7 @@ def test_a_run_that_breaks_what_it_expects_fails_and_keeps_its_files(started):
     assert started.file(run.id, "recording.npz").is_file()
 
 
-def test_other_formats_are_made_when_asked_for_as_the_command_line_makes_them(started, tmp_path):
+def test_other_formats_are_made_on_request_as_the_command_line_makes_them(started, tmp_path):
     with_body = {"name": "with a body", "duration": 0.2}
     run = ended(started.get, started.submit(with_body).id)
     write_run(record(scenario_from_mapping(with_body)), tmp_path, tuple(FORMATS))
@@ -366,7 +366,7 @@ def under_way(store: RunStore) -> str:
 
 
 def test_wherever_a_server_dies_no_run_is_half_there(store):
-    """The moments: files written, files moved but not told, told; and a row removed, its files not yet."""
+    """Files written, files moved but not in the row yet, files in the row; and a row removed, its files not yet."""
     written, moved, told, removed = (under_way(store) for _ in range(4))
     store.unfinished(moved).rename(store.files(moved))
     assert store.finish(told, 3.0) and store.finish(removed, 3.0)

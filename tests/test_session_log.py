@@ -50,7 +50,7 @@ def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
     assert replayed.run_json() == driven.run_json()
 
 
-def test_what_the_page_tells_of_a_push_is_what_the_metrics_of_the_saved_walk_tell():
+def test_the_outcome_of_a_push_on_the_page_is_that_in_the_metrics_of_the_saved_walk():
     control = Control(load_robot("hrp2"), Parameters(control_period=0.02), lambda _: None)
     control.start()
     control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))

@@ -1,4 +1,4 @@
-"""With WALK_TOKEN set, nothing is shown and nothing obeyed without it."""
+"""Token authentication: with WALK_TOKEN set, nothing is shown and no command taken without it."""
 
 import re
 import shutil
@@ -66,7 +66,7 @@ def test_nothing_is_shown_without_the_token(client, path, headers):
 
 
 @pytest.mark.parametrize("method", ["PUT", "POST", "PATCH", "DELETE", "HEAD", "OPTIONS"])
-def test_nothing_is_obeyed_without_the_token(client, method):
+def test_no_command_is_taken_without_the_token(client, method):
     assert client.request(method, "api/v1/live/reference", json={"vx": 0.1}).status_code == 401
 
 
