@@ -27,7 +27,7 @@ CORE = """
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
-    settings jobs drawing live viewer formats runs http bench figures report footholds routes main commands
+    settings descriptions jobs drawing live viewer formats runs http bench figures report footholds routes main commands
 """.split()
 
 

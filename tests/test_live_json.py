@@ -29,7 +29,7 @@ def test_every_state_of_a_walk_that_ends_on_the_ground_can_be_encoded(name):
             control.push(Push([0.0, 10.0 if tick < 300 else 120.0], 0.1 if tick == 101 else 0.0))
         clock.now += max(control.time_left, 0.0)
         control.tick()
-        told = live_json(control.latest, robot)
+        told = live_json(control.latest)
         text = json.loads(json.dumps(told))
         assert msgspec.json.decode(msgspec.json.encode(told)) == text
         assert msgspec.msgpack.decode(msgspec.msgpack.encode(told)) == text
@@ -40,9 +40,8 @@ class Frozen:
     """In place of the runner: a robot whose state changes only where a test changes it."""
 
     def __init__(self) -> None:
-        self.robot = load_robot("hrp2")
         self.states: list[LiveState] = []
-        Control(self.robot, Parameters(), self.states.append)
+        Control(load_robot("hrp2"), Parameters(), self.states.append)
 
     @property
     def latest(self) -> LiveState:
@@ -51,13 +50,13 @@ class Frozen:
 
 def test_a_snapshot_is_encoded_once_for_all_streams_of_a_format(monkeypatch):
     encoded: list[LiveState] = []
-    monkeypatch.setattr(sockets, "live_json", lambda state, robot: encoded.append(state) or live_json(state, robot))
+    monkeypatch.setattr(sockets, "live_json", lambda state: encoded.append(state) or live_json(state))
     runner = Frozen()
     streams = sockets.SnapshotStreams(runner)
     for _ in range(20):
         text, binary = streams.latest("json"), streams.latest("msgpack")
     assert len(encoded) == 2
-    assert json.loads(text) == msgspec.msgpack.decode(binary) == live_json(runner.latest, runner.robot)
+    assert json.loads(text) == msgspec.msgpack.decode(binary) == live_json(runner.latest)
 
     runner.states.append(replace(runner.latest, speed=2.0))
     assert json.loads(streams.latest("json"))["speed"] == 2.0 and len(encoded) == 3

@@ -4,13 +4,11 @@ It is made from the core's own tables of parameters, limits and metrics, so that
 depend on the robot, or on other values, are not in it.
 """
 
-import ast
-import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
+from app.descriptions import descriptions
 from walkcore import Parameters, robot_names
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import DEPRECATED, SCHEMES
@@ -78,21 +76,8 @@ def _vectors(vectors: Mapping[str, tuple[int, float]]) -> dict[str, Json]:
     }
 
 
-def _descriptions(kind: type) -> dict[str, str]:
-    """Texts below the fields of a dataclass."""
-    (tree,) = ast.parse(inspect.getsource(kind)).body
-    found: dict[str, str] = {}
-    for pair in pairwise(cast(ast.ClassDef, tree).body):
-        match pair:
-            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
-                found[name] = text
-            case _:
-                pass
-    return found
-
-
 def _parameters() -> Json:
-    described = _descriptions(Parameters)
+    described = descriptions(Parameters)
     members = {field.name: _parameter(field.name, described[field.name], field.default) for field in fields(Parameters)}
     return _object("Parameters of the walk; a missing one has its default.", **members)
 

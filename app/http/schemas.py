@@ -7,10 +7,9 @@ from typing import Any, Literal, Self
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from app.drawing.outlines import foothold_regions, is_caught, support_polygon
 from app.live.runner import INTERVALS, SPEEDS, LiveState
 from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
-from walkcore import Parameters, Push, Reference, Robot, Snapshot
+from walkcore import Push, Reference, Robot, Snapshot
 from walkcore.scenario.recording import row
 
 
@@ -166,12 +165,12 @@ def robot_body(robot: Robot) -> RobotBody:
     )
 
 
-def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
+def live_json(state: LiveState) -> dict[str, Any]:
     """The live snapshot: the columns of a recording, the plan, and how the walk keeps up. NaN becomes null."""
     snapshot = state.snapshot
     return {name: value if math.isfinite(value) else None for name, value in row(snapshot).items()} | {
         "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
-        "plan": plan_json(snapshot, robot),
+        "plan": plan_json(snapshot),
         "timing": _timing_json(state),
         "running": state.running,
         "speed": state.speed,
@@ -185,13 +184,11 @@ def live_json(state: LiveState, robot: Robot) -> dict[str, Any]:
     }
 
 
-def preview_json(snapshot: Snapshot, robot: Robot, parameters: Parameters) -> dict[str, Any]:
-    """The consequences of a push that was previewed."""
-    return {
-        "status": snapshot.status.value,
-        "survives": is_caught(robot, snapshot, parameters),
-        "plan": plan_json(snapshot, robot),
-    }
+def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+    """Effect of a push, by the first snapshot after it."""
+    plan = snapshot.plan
+    survives = plan is not None and plan.is_capturable and plan.max_leg_extension() <= robot.max_com_distance
+    return {"status": snapshot.status.value, "survives": survives, "plan": plan_json(snapshot)}
 
 
 def late_json(timing: TickTiming) -> dict[str, int]:
@@ -215,10 +212,9 @@ def _timing_json(state: LiveState) -> dict[str, Any]:
     }
 
 
-def plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
+def plan_json(snapshot: Snapshot) -> dict[str, Any]:
     """The plan of a snapshot; empty but for the support polygon once the robot has fallen."""
     plan = snapshot.plan
-    footholds = () if plan is None else plan.footholds
     return {
         "times": [] if plan is None else plan.times.tolist(),
         "com": [] if plan is None else plan.com.tolist(),
@@ -231,9 +227,9 @@ def plan_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
                 "side": foot.side.value,
                 "region": region.tolist(),
             }
-            for foot, region in zip(footholds, foothold_regions(robot, snapshot), strict=True)
+            for foot, region in ([] if plan is None else zip(plan.footholds, plan.foothold_regions, strict=True))
         ],
-        "support_polygon": support_polygon(robot, snapshot).tolist(),
+        "support_polygon": snapshot.stance.polygon.tolist(),
     }
 
 

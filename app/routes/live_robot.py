@@ -30,7 +30,7 @@ router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 @router.get("")
 async def live(runner: LiveRunner) -> dict[str, Any]:
     """The latest snapshot: the columns of a recording, `q`, the plan, timing, and who drives."""
-    return live_json(runner.latest, runner.robot)
+    return live_json(runner.latest)
 
 
 @router.put("/reference")
@@ -73,20 +73,20 @@ async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
     `survives` is true if the legs are long enough for that plan, and further steps can catch the robot at its end.
     """
     snapshot = await asyncio.wrap_future(runner.preview(body.to_push()))
-    return preview_json(snapshot, runner.robot, runner.parameters)
+    return preview_json(snapshot, runner.robot)
 
 
 @router.put("/random-pushes")
 async def random_pushes(body: RandomPushesBody, runner: LiveRunner) -> dict[str, Any]:
     """Let pushes come by themselves, each like any other push; `{"strength": 0}` ends them."""
     request = runner.push_at_random(body.strength, body.interval, body.seed)
-    return live_json(await asyncio.wrap_future(request), runner.robot)
+    return live_json(await asyncio.wrap_future(request))
 
 
 @router.post("/speed")
 async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
     """Let simulated time pass `factor` times as fast as real time."""
-    return live_json(await asyncio.wrap_future(runner.set_speed(body.factor)), runner.robot)
+    return live_json(await asyncio.wrap_future(runner.set_speed(body.factor)))
 
 
 @router.post(
@@ -110,13 +110,13 @@ async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: Save
 @router.post("/pause")
 async def pause(runner: LiveRunner) -> dict[str, Any]:
     """Stop time; returns the snapshot at which it stands still."""
-    return live_json(await asyncio.wrap_future(runner.pause()), runner.robot)
+    return live_json(await asyncio.wrap_future(runner.pause()))
 
 
 @router.post("/resume")
 async def resume(runner: LiveRunner) -> dict[str, Any]:
     """Let time pass again."""
-    return live_json(await asyncio.wrap_future(runner.resume()), runner.robot)
+    return live_json(await asyncio.wrap_future(runner.resume()))
 
 
 @router.post("/step", responses={409: {"model": ErrorBody, "description": "The robot is not paused."}})
@@ -124,13 +124,13 @@ async def step(runner: LiveRunner, body: StepBody | None = None) -> dict[str, An
     """Take single ticks while paused, or go to a coming sample; returns the snapshot of the last tick."""
     steps = body or StepBody()
     request = runner.step(steps.ticks or 1) if steps.samples is None else runner.step_samples(steps.samples)
-    return live_json(await asyncio.wrap_future(request), runner.robot)
+    return live_json(await asyncio.wrap_future(request))
 
 
 @router.post("/reset")
 async def reset(runner: LiveRunner) -> dict[str, Any]:
     """Put the robot back to rest at tick 0, with no reference and no push; a paused one stays paused."""
-    return live_json(await asyncio.wrap_future(runner.reset()), runner.robot)
+    return live_json(await asyncio.wrap_future(runner.reset()))
 
 
 @router.get("/layers")

@@ -43,7 +43,7 @@ class SnapshotStreams:
         if state is not self._state:
             self._state, self._encoded = state, {}
         if encoding not in self._encoded:
-            self._encoded[encoding] = _ENCODERS[encoding](live_json(state, self._runner.robot))
+            self._encoded[encoding] = _ENCODERS[encoding](live_json(state))
         return self._encoded[encoding]
 
 
