@@ -37,21 +37,21 @@ class ProcessDiedError(ChildProcessError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Progress:
+class JobProgress:
     """Message of a process: its job has come so far."""
 
     value: Any
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ending:
+class JobOutcome:
     """Message of a process: its job has returned a result, or raised an error."""
 
     result: Any = None
     error: Exception | None = None
 
     def future(self) -> Future[Any]:
-        """The same as a future that is done."""
+        """The outcome as a future that is done."""
         future: Future[Any] = Future()
         if self.error is not None:
             future.set_exception(self.error)
@@ -94,22 +94,22 @@ class JobProcess:
             Its future, which is done; failed with what the job raised, or with `ProcessDiedError`.
         """
         self.start(job)
-        while isinstance(message := self.receive(), Progress):
+        while isinstance(message := self.receive(), JobProgress):
             on_progress(message.value)
         return message.future()
 
     def start(self, job: Job[Any]) -> None:
-        """Begin a job; `receive` returns its progress and its ending."""
+        """Begin a job; `receive` returns its progress and its outcome."""
         with suppress(OSError):  # the process is gone: `receive` finds out
             self.connection.send(job)
 
-    def receive(self) -> Progress | Ending:
+    def receive(self) -> JobProgress | JobOutcome:
         """The next message about the job, waited for."""
         try:
             return self.connection.recv()
         except (EOFError, OSError):
             self._process.join(EXIT_TIMEOUT)
-            return Ending(error=ProcessDiedError(f"its process ended with exit code {self._process.exitcode}"))
+            return JobOutcome(error=ProcessDiedError(f"its process ended with exit code {self._process.exitcode}"))
 
     def kill(self) -> None:
         """End the process at once, and whatever it was doing."""
@@ -120,14 +120,13 @@ class JobProcess:
 class JobPool:
     """Several processes that share the jobs of one owner. A context, at whose end all of them are killed."""
 
-    def __init__(self, nb_processes: int, niceness: int = 0) -> None:
+    def __init__(self, nb_processes: int) -> None:
         """Start no process yet.
 
         Args:
             nb_processes: jobs that are done at once; a single one at a time is done in this process.
-            niceness: of the processes, added to that of this one.
         """
-        self._nb_processes, self._niceness = nb_processes, niceness
+        self._nb_processes = nb_processes
         self._processes: list[JobProcess] = []
         self._idle: list[JobProcess] = []
 
@@ -162,7 +161,7 @@ class JobPool:
             for connection in wait(list(under_way)):
                 index, process = under_way[connection]
                 message = process.receive()
-                if isinstance(message, Progress):
+                if isinstance(message, JobProgress):
                     on_progress(index, message.value)
                 else:
                     del under_way[connection]
@@ -173,26 +172,28 @@ class JobPool:
         while self._idle:
             if (process := self._idle.pop()).is_alive:
                 return process
-        self._processes.append(JobProcess(self._niceness))
+        self._processes.append(JobProcess())
         return self._processes[-1]
 
 
-def _do(job: Job[Any], report: Report) -> Ending:
+def _do(job: Job[Any], report: Report) -> JobOutcome:
     try:
-        return Ending(job(report))
+        return JobOutcome(job(report))
     except Exception as error:
         error.add_note(traceback.format_exc())  # which does not cross processes by itself
-        return Ending(error=error)
+        return JobOutcome(error=error)
 
 
 def _work(connection: Connection, niceness: int) -> None:
-    """The process: jobs in, progress and endings out."""
+    """The process: jobs in, progress and outcomes out."""
     os.nice(niceness)
     Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):  # nobody waits for the result any more
         while True:
-            ending = _do(connection.recv(), lambda value: connection.send(Progress(value)))
-            connection.send(ending if _can_be_pickled(ending.error) else Ending(error=RuntimeError(repr(ending.error))))
+            outcome = _do(connection.recv(), lambda value: connection.send(JobProgress(value)))
+            if not _can_be_pickled(outcome.error):
+                outcome = JobOutcome(error=RuntimeError(repr(outcome.error)))
+            connection.send(outcome)
 
 
 def _can_be_pickled(error: Exception | None) -> bool:
