@@ -17,7 +17,7 @@ from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
 from app.runs import RunLimits, Runs
 from app.settings import Settings
-from app.viewer import LIGHT, Look, Viewer
+from app.viewer import LIGHT, RenderQuality, Viewer
 from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a person at a joystick waits for the step.
@@ -55,7 +55,7 @@ def create_app(settings: Settings) -> FastAPI:
         OSError: if the folder for runs cannot be written to.
     """
     runner = Runner(load_robot(settings.robot), LIVE)  # its process starts while the viewer is built
-    viewer = Viewer(runner, LIGHT if settings.scene == "light" else Look())
+    viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality())
     runner.wait()
     runs = _runs(settings)
     streams = sockets.SnapshotStreams(runner)

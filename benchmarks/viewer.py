@@ -1,9 +1,10 @@
-"""What a drawn frame costs the server: its own work by part, bytes to each client, and what a new client waits.
+"""Cost of a drawn frame to the server: its own work by part, bytes to each client, and the wait of a new client.
 
 A recorded walk takes the place of the control loop, so that all that this process does is draw and send. The
 clients are processes of their own that read viser's stream as a browser does.
 
     python benchmarks/viewer.py --clients 1 5 --seconds 20
+    python benchmarks/viewer.py --public    # the scene by viser's handles, to justify `viser_private`
 """
 
 import argparse
@@ -24,8 +25,9 @@ from viser_client import scene
 from app.live.runner import LiveState
 from app.live.tick_scheduler import TickScheduler
 from app.viewer import Viewer
-from app.viewer.scene.scene import Scene
-from app.viewer.transport.audience import Audience
+from app.viewer.replay_page import assign_to_handles
+from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.transport.viser_private import nb_message_ids
 from app.viewer.viewer import PERIOD
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
@@ -36,7 +38,7 @@ JOIN_SECONDS = 4.0  # that the one more is watched, and the others meanwhile
 
 
 class Replay:
-    """In place of the runner: a walk that was recorded before, over and over."""
+    """Stand-in for the runner: a walk that was recorded before, over and over."""
 
     active_driver = ("rest", "")
     """Who drives, and from which browser."""
@@ -101,8 +103,8 @@ def _parts(message: bytes) -> Iterator[dict[str, Any]]:
     yield from msgspec.msgpack.decode(content)["messages"]
 
 
-def time_parts(scene: Scene, audience: Audience) -> dict[str, float]:
-    """Let the drawings of a scene and the sending count the processor time that it takes [s]."""
+def time_parts(viewer: Viewer) -> dict[str, float]:
+    """Let the drawings of the scene and the sending count the processor time that each takes [s]."""
     spent: dict[str, float] = defaultdict(float)
 
     def timed(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
@@ -115,12 +117,22 @@ def time_parts(scene: Scene, audience: Audience) -> dict[str, float]:
 
         return count
 
-    for name, part in vars(scene).items():
-        if type(part).__module__.startswith("app.viewer") and hasattr(part, "update"):
-            part.update = timed(name.strip("_"), part.update)
-    audience.send = timed("sending", audience.send)
-    scene.draw = timed("all drawing", scene.draw)
+    for name, drawing in viewer.scene.drawings.items():
+        drawing.update = timed(name, drawing.update)
+    viewer.broadcaster.send = timed("sending", viewer.broadcaster.send)
+    viewer.scene.draw = timed("all drawing", viewer.scene.draw)
     return spent
+
+
+def send_by_handles(viewer: Viewer) -> None:
+    """Send the scene by viser's public handles instead; the panel's plots and table are left out."""
+
+    def send(updates: SceneUpdates) -> None:
+        with viewer.server.atomic():
+            assign_to_handles(viewer.server, updates)
+        viewer.server.flush()
+
+    viewer.broadcaster.send = send
 
 
 def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: float) -> dict[str, Any]:
@@ -131,12 +143,11 @@ def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: f
     clients = [context.Process(target=read_as_browser, args=arguments) for _ in range(nb_clients)]
     for client in clients:
         client.start()
-    while len(viewer._server.get_clients()) < nb_clients:
+    while len(viewer.server.get_clients()) < nb_clients:
         time.sleep(0.05)
     time.sleep(SETTLE)
-    buffer = viewer._server._websock_server._broadcast_buffer
     spent.clear()
-    ids, cpu, wall = buffer.message_counter, time.process_time(), time.monotonic()
+    ids, cpu, wall = nb_message_ids(viewer.server), time.process_time(), time.monotonic()
     time.sleep(seconds)
     late = context.Process(target=read_as_browser, args=(viewer.port, 0.0, results))
     cpu, elapsed = time.process_time() - cpu, time.monotonic() - wall
@@ -150,7 +161,7 @@ def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: f
         "clients": nb_clients,
         "ms_per_frame": 1e3 * cpu / frames,
         "parts_ms": parts,
-        "ids_per_s": (buffer.message_counter - ids) / (time.monotonic() - wall),
+        "ids_per_s": (nb_message_ids(viewer.server) - ids) / (time.monotonic() - wall),
         **{key: float(np.max([outcome[key] for outcome in outcomes])) for key in outcomes[0]},
     }
 
@@ -160,9 +171,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--clients", type=int, nargs="+", default=[1, 5])
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--public", action="store_true", help="send the scene by viser's handles")
     arguments = parser.parse_args()
     viewer = Viewer(Replay())  # pyright: ignore[reportArgumentType]
-    spent = time_parts(viewer._scene, viewer._audience)
+    if arguments.public:
+        send_by_handles(viewer)
+    spent = time_parts(viewer)
     viewer.start()
     for nb_clients in arguments.clients:
         print(json.dumps(measure(viewer, spent, nb_clients, arguments.seconds), indent=1), flush=True)

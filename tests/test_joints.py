@@ -1,11 +1,11 @@
-"""How the drawn joints move, against Pinocchio's forward kinematics."""
+"""Motion of the drawn joints, against Pinocchio's forward kinematics."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from app.viewer.scene.joints import AnyJoint, FreeFlyer, Hinge, joint_of
-from app.viewer.transport.stream import Stream
+from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import load_robot
 
 
@@ -40,11 +40,11 @@ def test_joints_move_as_forward_kinematics_says(name):
     data, rng = model.createData(), np.random.default_rng(2)
     joints = {f"j{i}": joint_of(model, i) for i in range(1, model.njoints)}
     for _ in range(20):
-        stream, q = Stream(), pin.integrate(model, pin.neutral(model), 2.0 * rng.normal(size=model.nv))
+        updates, q = SceneUpdates(), pin.integrate(model, pin.neutral(model), 2.0 * rng.normal(size=model.nv))
         pin.forwardKinematics(model, data, q)
         for node, joint in joints.items():
-            joint.move(stream, node, q.tolist())
-        told = {(m["type"], m["name"]): m for m in stream.changes(0)}
+            joint.move(updates, node, q.tolist())
+        told = {(m["type"], m["name"]): m for m in updates.changes(0)}
         for i, (node, joint) in enumerate(joints.items(), start=1):
             w, x, y, z = told["SetOrientationMessage", node]["wxyz"]
             np.testing.assert_allclose(

@@ -94,7 +94,7 @@ def _write_mcap(recording: Recording, run_json: str, path: Path) -> None:
 
 
 def _write_html(recording: Recording, _: str, path: Path) -> None:
-    from app.viewer.scene.replay import replay_page
+    from app.viewer.replay_page import replay_page
 
     path.write_text(replay_page(recording), encoding="utf-8")
 

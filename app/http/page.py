@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Annotated
 from urllib.parse import urlencode
 
-import viser
 from fastapi import APIRouter, FastAPI, Query, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
@@ -27,10 +26,9 @@ from starlette.types import Scope
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
-from app.viewer import LIGHT_PATH
+from app.viewer import CLIENT_PAGE, LIGHT_PATH
 
 STATIC = Path(__file__).parents[2] / "static"
-CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 # Without this a browser keeps some of the modules of an older version for days, and mixes them with new ones.
 REVALIDATE = {"Cache-Control": "no-cache"}
 RECEIVE_BUFFER = 16 * 1024  # bytes; what waits here for a slow browser cannot be overtaken by newer poses
@@ -84,7 +82,7 @@ class ViserPage:
 
 @cache
 def _viser_page() -> ViserPage:
-    plain = CLIENT.read_bytes()
+    plain = CLIENT_PAGE.read_bytes()
     return ViserPage(plain, gzip.compress(plain), f'W/"{hashlib.sha256(plain).hexdigest()[:16]}"')
 
 

@@ -20,7 +20,7 @@ from app.http.schemas import (
     preview_json,
 )
 from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer
-from app.viewer.panel.view_tab import DEFAULTS
+from app.viewer.scene.layers import DEFAULT_LAYERS
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
 
@@ -142,7 +142,7 @@ async def layers(viewer: LiveViewer) -> dict[str, bool]:
 @router.get("/layers/defaults")
 async def default_layers() -> dict[str, bool]:
     """The layers that the server started with."""
-    return DEFAULTS
+    return DEFAULT_LAYERS
 
 
 @router.patch("/layers")

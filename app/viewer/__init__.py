@@ -1,7 +1,15 @@
-"""The scene that shows the walking robot, drawn with viser."""
+"""Viewer of the walking robot, drawn with viser.
 
-from app.viewer.scene.scene import LIGHT, Look
-from app.viewer.transport.light_clients import LIGHT_PATH
+scene/         what is drawn
+panel/         controls beside it
+transport/     how changes reach the browsers
+viewer         the task that draws the live robot
+replay_page    a recording as a page
+"""
+
+from app.viewer.scene.frame import LIGHT, RenderQuality
+from app.viewer.transport.client_registry import LIGHT_PATH
+from app.viewer.transport.viser_private import CLIENT_PAGE
 from app.viewer.viewer import Viewer
 
-__all__ = ["LIGHT", "LIGHT_PATH", "Look", "Viewer"]
+__all__ = ["CLIENT_PAGE", "LIGHT", "LIGHT_PATH", "RenderQuality", "Viewer"]

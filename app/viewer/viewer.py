@@ -1,4 +1,4 @@
-"""Shows the runner's latest snapshot in a viser scene, at a steady rate, while somebody looks.
+"""Viewer of the live robot: shows the runner's latest snapshot at a steady rate while a browser is connected.
 
 viser listens on a loopback port of its own, which `app.http.page` serves to the outside.
 """
@@ -12,74 +12,74 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 
 import viser
-from viser import _messages
 
 from app.live.runner import Runner
 from app.viewer.panel.panel import Panel
-from app.viewer.panel.view_tab import DEFAULTS
-from app.viewer.scene.grab import Grab
-from app.viewer.scene.scene import Look, Scene
-from app.viewer.transport.audience import Audience
-from app.viewer.transport.frame_cost import FrameCost
-from app.viewer.transport.light_clients import spare_light_clients
+from app.viewer.scene.drag_push import DragPush
+from app.viewer.scene.frame import RenderQuality
+from app.viewer.scene.layers import DEFAULT_LAYERS
+from app.viewer.scene.scene import Scene, add_key_light
+from app.viewer.transport.broadcaster import Broadcaster
+from app.viewer.transport.client_registry import ClientRegistry
+from app.viewer.transport.viser_private import refuse_tunnels
 from walkcore.errors import InvalidValueError
 
 logger = logging.getLogger(__name__)
 
-PERIOD = 1.0 / 30.0  # [s], of drawing
-CAMERA_POSITION, CAMERA_TARGET = (-2.45, 1.75, 1.55), (0.15, 0.0, 0.78)  # [m], relative to the robot on the ground
-FIELD_OF_VIEW = 0.70  # [rad]
+PERIOD = 1.0 / 30.0  # [s] of drawing
 PANEL_WIDTH = 308  # pixels: its tabs in one row
 ACCENT = (34, 111, 220)
+SMOOTHING = 0.02  # weight of the latest frame in the mean cost
 
 
 class Viewer:
-    """Owns viser's server and the task that draws."""
+    """Owner of viser's server and of the task that draws."""
 
-    def __init__(self, runner: Runner, look: Look | None = None) -> None:
+    def __init__(self, runner: Runner, quality: RenderQuality | None = None) -> None:
         """Build the scene; nothing is drawn before `start`.
 
         Args:
-            runner: whose snapshots are shown, and whom the panel drives.
-            look: how much there is to render.
+            runner: its snapshots are shown, and it gets the requests of the panel.
+            quality: amount of detail to render.
         """
         self._runner = runner
-        self._server = _server(runner.robot.name.capitalize())
-        self._scene = Scene(self._server, runner.robot, Look() if look is None else look)
-        spare_light_clients(self._server)
-        self._audience = Audience(self._server)
-        self._grab = Grab(self._server, runner, self._scene.body)
-        self._panel = Panel(self._server, runner, self._scene)
-        self._server.gui.main_panel.set_width(PANEL_WIDTH)
-        self._server.gui.main_panel.dock_right()  # beside the scene: it covers nothing
-        camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
-        loop = self._server._websock_server._background_event_loop
-        assert loop is not None  # viser has started
-        self._loop = loop
+        self.server = start_server(runner.robot.name.capitalize())
+        refuse_tunnels(self.server)
+        self.server.gui.configure_theme(
+            show_logo=False, show_share_button=False, control_width="small", brand_color=ACCENT
+        )
+        self.scene = Scene(self.server, runner.robot, quality or RenderQuality())
+        self.broadcaster = Broadcaster(self.server)
+        clients = ClientRegistry(self.server)
+        spare_light_clients(self.server, clients)
+        self._drag_push = DragPush(self.server, runner, self.scene.draggable)
+        self._panel = Panel(self.server, runner, self.scene, clients)
+        self.server.gui.main_panel.set_width(PANEL_WIDTH)
+        self.server.gui.main_panel.dock_right()  # beside the scene: it covers nothing
+        self._loop = self.server.get_event_loop()
         self._drawing: Future[None] | None = None
         self.cost = FrameCost()
-        """Of what is drawn while somebody looks."""
+        """Processor time of the frames that a browser was sent."""
 
     @property
     def port(self) -> int:
-        """On which viser listens, on the loopback."""
-        return self._server.get_port()
+        """Loopback port on which viser listens."""
+        return self.server.get_port()
 
     @property
     def layers(self) -> dict[str, bool]:
-        """Which layers are drawn, for all who look."""
+        """Whether each layer is shown, the same for all browsers."""
         return self._panel.view.layers
 
     def switch(self, layers: Mapping[str, bool]) -> Future[dict[str, bool]]:
-        """Draw layers or hide them; tells all of them.
+        """Show or hide layers; the result is the state of all of them.
 
         Raises:
             InvalidValueError: if there is no such layer.
         """
         for name, is_shown in layers.items():
-            if name not in DEFAULTS:
-                raise InvalidValueError(f"layers.{name}", is_shown, f"must be one of {', '.join(DEFAULTS)}")
+            if name not in DEFAULT_LAYERS:
+                raise InvalidValueError(f"layers.{name}", is_shown, f"must be one of {', '.join(DEFAULT_LAYERS)}")
 
         async def switch() -> dict[str, bool]:
             self._panel.view.switch(layers)
@@ -88,14 +88,14 @@ class Viewer:
         return asyncio.run_coroutine_threadsafe(switch(), self._loop)
 
     def start(self) -> None:
-        """Begin to draw, in viser's own event loop: what its callbacks change needs no lock."""
+        """Start drawing, in viser's own event loop: what its callbacks change needs no lock."""
         self._drawing = asyncio.run_coroutine_threadsafe(self._run(), self._loop)
 
     def stop(self) -> None:
         """Stop drawing and close viser."""
         if self._drawing is not None:
             self._drawing.cancel()
-        self._server.stop()
+        self.server.stop()
 
     async def _run(self) -> None:
         last, has_failed = time.monotonic(), False
@@ -106,7 +106,7 @@ class Viewer:
             await asyncio.sleep(due - time.monotonic())
             now = time.monotonic()
             elapsed, last = now - last, now
-            if not len(self._audience):
+            if not self.broadcaster.nb_clients:
                 self.cost.skip()
                 continue
             try:
@@ -119,18 +119,51 @@ class Viewer:
             self.cost.add()
 
     def _show(self, elapsed: float) -> None:
-        state, parameters = self._runner.latest, self._runner.parameters
-        self._scene.draw(state.snapshot, parameters, elapsed)
-        self._grab.ask()
-        self._scene.aim(state.snapshot, parameters, self._grab.impulse, self._grab.answer)
-        self._panel.follow(state, self.cost.mean_ms, len(self._audience))
-        self._audience.send(self._scene.stream)
+        state = self._runner.latest
+        self._drag_push.request_preview()
+        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim)
+        self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)
+        self.broadcaster.send(self.scene.updates)
 
 
-def _server(label: str) -> viser.ViserServer:
-    """A viser on the loopback, through which nobody may open a tunnel to the outside."""
+def start_server(label: str | None = None) -> viser.ViserServer:
+    """Start a viser on a free port of the loopback."""
     with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that nobody should open
-        server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
-    server._websock_server.unregister_handler(_messages.ShareUrlRequest)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="small", brand_color=ACCENT)
-    return server
+        return viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
+
+
+def spare_light_clients(server: viser.ViserServer, clients: ClientRegistry) -> None:
+    """Give each client that renders in software a sun without shadows instead of the one of all."""
+
+    @server.on_client_connect
+    def _(client: viser.ClientHandle) -> None:
+        if clients.is_light(client):
+            add_key_light(client.scene, has_shadows=False)
+
+
+class FrameCost:
+    """Processor time of drawn frames: all that viser's thread does from one to the next.
+
+    Belongs to that thread; any other may read.
+    """
+
+    def __init__(self) -> None:
+        """Start with no frames."""
+        self.count = 0
+        self.seconds = 0.0
+        """Sum over all frames."""
+        self.mean_ms = 0.0
+        """Mean over the last second or two [ms]."""
+        self._since = 0.0
+
+    def skip(self) -> None:
+        """Count what was done since the last call, if ever there was one, for no frame."""
+        self._since = time.thread_time()
+
+    def add(self) -> None:
+        """Count a frame that was drawn and sent."""
+        now = time.thread_time()
+        spent, self._since = now - self._since, now
+        self.count += 1
+        self.seconds += spent
+        self.mean_ms += max(SMOOTHING, 1.0 / self.count) * (1e3 * spent - self.mean_ms)

@@ -1,1 +1,1 @@
-"""The panel beside the scene, one module for each tab."""
+"""Panel beside the scene: sliders, layers, parameters of the method, plots, and what runs here."""

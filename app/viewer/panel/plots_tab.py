@@ -1,39 +1,33 @@
-"""Live plots: velocity against what was asked, centres of pressure against their bounds, computation of a tick."""
+"""Live plots: velocity against the reference, centres of pressure against their bounds, computation of a tick."""
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from viser import uplot
 
 from app.drawing.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRUE_COP, Colour
 from app.live.runner import LiveState
-from app.viewer.transport.stream import Stream
-from walkcore import Robot, Snapshot
-from walkcore.mpc.gait import Phase
-from walkcore.mpc.stance import Footstep, sole_vertices
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore import Snapshot
 from walkcore.values import rotation
 
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
 HEIGHT = 128  # pixels
 
-Columns = tuple[NDArray[np.float32], ...]
-
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of a plot."""
+    """Line of a plot."""
 
     label: str
     colour: Colour
     is_dashed: bool = False
 
     def series(self) -> uplot.Series:
-        """As uPlot knows it."""
+        """Style of the line for uPlot."""
         dash = {"dash": (5.0, 4.0)} if self.is_dashed else {}
         stroke = "rgb({},{},{})".format(*self.colour)
         return uplot.Series(label=self.label, stroke=stroke, width=1.5, points={"show": False}, **dash)  # type: ignore[arg-type]
@@ -59,18 +53,16 @@ PLOTS = {
 
 
 class PlotsTab:
-    """The last seconds. Points are taken at each drawn frame or so, and sent less often."""
+    """Plots of the last seconds. Points are recorded at every other drawn frame, and sent less often."""
 
-    def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
+    def __init__(self, server: viser.ViserServer) -> None:
         """Make the plots, empty."""
-        self._robot = robot
         self._frame, self._last_t = 0, -np.inf
-        self._noted: list[LiveState] = []
+        self._recorded: list[LiveState] = []
         self._rows: deque[list[float]] = deque(maxlen=POINTS)
-        self._plots: list[tuple[Any, int]] = []
         times = np.linspace(-1.0, 0.0, 2)
-        for title, lines in PLOTS.items():
-            plot = server.gui.add_uplot(
+        self.plots = [
+            server.gui.add_uplot(
                 (times, *[np.zeros(2)] * len(lines)),
                 (uplot.Series(label="t"), *(line.series() for line in lines)),
                 title=title,
@@ -79,45 +71,45 @@ class PlotsTab:
                 legend=uplot.Legend(show=True, live=False),
                 padding=(8, 10, 0, 0),
             )
-            self._plots.append((plot, len(lines)))
+            for title, lines in PLOTS.items()
+        ]
+        """Plots in the order of `PLOTS`."""
 
     def record(self, state: LiveState) -> None:
-        """Take note of a state that is new."""
+        """Record a state that is new."""
         t = state.snapshot.t
         if t < self._last_t:
-            self._noted.clear()
+            self._recorded.clear()
             self._rows.clear()
         self._frame += 1
         if t == self._last_t or self._frame % FRAMES_PER_POINT:
             return
         self._last_t = t
-        self._noted.append(state)
+        self._recorded.append(state)
 
-    def draw(self, stream: Stream) -> None:
-        """Send the plots. What was noted is worked out here, several points at once: the first one costs the most."""
-        for state in self._noted:
-            snapshot = state.snapshot
-            self._rows.append([snapshot.t, *_row(self._robot, snapshot), state.timing.tick_ms])
-        self._noted.clear()
+    def update(self, updates: SceneUpdates) -> None:
+        """Send the plots. Points are computed here, several at once: the first one of a frame costs the most."""
+        for state in self._recorded:
+            self._rows.append([state.snapshot.t, *plotted(state.snapshot), state.timing.tick_ms])
+        self._recorded.clear()
         if len(self._rows) < 2:
             return
-        columns = np.array(self._rows, dtype=np.float32).T
-        times, first = np.ascontiguousarray(columns[0]), 1
-        for plot, count in self._plots:
-            values: Columns = tuple(np.ascontiguousarray(column) for column in columns[first : first + count])
-            stream.control(plot._impl.uuid, data=(times, *values))
-            first += count
+        times, *columns = np.ascontiguousarray(np.array(self._rows, dtype=np.float32).T)
+        first = 0
+        for plot, lines in zip(self.plots, PLOTS.values(), strict=True):
+            updates.control(plot, data=(times, *columns[first : first + len(lines)]))
+            first += len(lines)
 
 
-def _row(robot: Robot, snapshot: Snapshot) -> list[float]:
-    """The values of all plots but the last one, in their order."""
-    asked, foot = snapshot.reference, snapshot.support
+def plotted(snapshot: Snapshot) -> list[float]:
+    """Values of all lines but the last plot's, in the order of `PLOTS`."""
+    reference, foot = snapshot.reference, snapshot.support
     forward, left = (snapshot.com.velocity @ rotation(snapshot.heading)).tolist()
-    feet = [foot]
-    if snapshot.phase is not Phase.SINGLE_SUPPORT:
-        feet = [Footstep(side, state.position, state.yaw) for side, state in snapshot.feet.items()]
     true_cop = snapshot.cop if snapshot.true_cop is None else snapshot.true_cop
-    places = [snapshot.cop, true_cop, *(sole_vertices(robot.sole, each) for each in feet)]
-    cop, true_cop, *corners = ((np.vstack(places) - foot.position) @ rotation(foot.yaw)).tolist()
-    along = [(cop[i], true_cop[i], min(each := [corner[i] for corner in corners]), max(each)) for i in range(2)]
-    return [forward, asked.vx, left, asked.vy, *along[0], *along[1]]
+    places = np.vstack([snapshot.cop, true_cop, snapshot.stance.polygon])
+    cop, true_cop, *corners = ((places - foot.position) @ rotation(foot.yaw)).tolist()
+    values = [forward, reference.vx, left, reference.vy]
+    for axis in range(2):
+        bounds = [corner[axis] for corner in corners]
+        values += [cop[axis], true_cop[axis], min(bounds), max(bounds)]
+    return values

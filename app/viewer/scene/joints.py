@@ -1,4 +1,4 @@
-"""How joints move what they carry: poses in their parents' frames, from the configuration of the robot.
+"""Motion of the drawn joints: poses in their parents' frames, from the configuration of the robot.
 
 A joint that turns by the angle t about its axis a, in a place turned by the quaternion p, has the quaternion
 
@@ -16,21 +16,21 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 
-from app.viewer.transport.stream import Stream
+from app.viewer.transport.scene_updates import SceneUpdates
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 
 
 class Joint(Protocol):
-    """Whatever moves a node."""
+    """Joint that moves a node."""
 
-    def move(self, stream: Stream, node: str, q: Sequence[float]) -> None:
-        """Put the node of the joint where a configuration, shape (nq,), has it."""
+    def move(self, updates: SceneUpdates, node: str, q: Sequence[float]) -> None:
+        """Put a node where a configuration, shape (nq,), has the joint."""
         ...
 
 
 def joint_of(model: Any, index: int) -> Joint:
-    """A joint of a model of Pinocchio."""
+    """Joint of a model of Pinocchio by its index."""
     kind = model.joints[index]
     match kind.shortname():
         case "JointModelFreeFlyer" if model.jointPlacements[index].isIdentity():
@@ -46,51 +46,51 @@ def joint_of(model: Any, index: int) -> Joint:
 
 @dataclass(frozen=True, slots=True)
 class FreeFlyer:
-    """That of a floating base, whose pose stands in the configuration."""
+    """Joint of a floating base, whose pose stands in the configuration."""
 
     first: int
-    """Index of its first number."""
+    """Index of its first number in the configuration."""
 
-    def move(self, stream: Stream, node: str, q: Sequence[float]) -> None:
+    def move(self, updates: SceneUpdates, node: str, q: Sequence[float]) -> None:
         """See `Joint`."""
         x, y, z, qx, qy, qz, qw = q[self.first : self.first + 7]
-        stream.position(node, (x, y, z))
-        stream.orientation(node, (qw, qx, qy, qz))
+        updates.position(node, (x, y, z))
+        updates.orientation(node, (qw, qx, qy, qz))
 
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """A revolute joint."""
+    """Revolute joint."""
 
     index: int
-    """Of its angle."""
+    """Index of its angle in the configuration."""
     place: Quaternion
-    """p."""
+    """p of the module's equation."""
     turned: Quaternion
-    """p a."""
+    """p a of the module's equation."""
 
-    def move(self, stream: Stream, node: str, q: Sequence[float]) -> None:
+    def move(self, updates: SceneUpdates, node: str, q: Sequence[float]) -> None:
         """See `Joint`."""
         half = q[self.index] / 2
         c, s = math.cos(half), math.sin(half)
         (pw, px, py, pz), (tw, tx, ty, tz) = self.place, self.turned
-        stream.orientation(node, (c * pw + s * tw, c * px + s * tx, c * py + s * ty, c * pz + s * tz))
+        updates.orientation(node, (c * pw + s * tw, c * px + s * tx, c * py + s * ty, c * pz + s * tz))
 
 
 class AnyJoint:
-    """One of the other kinds, by Pinocchio."""
+    """Joint of any other kind, by Pinocchio."""
 
     def __init__(self, model: Any, index: int) -> None:
         """Take a joint of a model."""
         self._kind, self._place = model.joints[index], model.jointPlacements[index]
         self._data = self._kind.createData()
 
-    def move(self, stream: Stream, node: str, q: Sequence[float]) -> None:
+    def move(self, updates: SceneUpdates, node: str, q: Sequence[float]) -> None:
         """See `Joint`."""
         self._kind.calc(self._data, np.array(q))
         x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUAT(self._place * self._data.M).tolist()
-        stream.position(node, (x, y, z))
-        stream.orientation(node, (qw, qx, qy, qz))
+        updates.position(node, (x, y, z))
+        updates.orientation(node, (qw, qx, qy, qz))
 
 
 def _wxyz(quaternion: Any) -> Quaternion:

@@ -1,40 +1,75 @@
-"""What can be seen, each with what it means, its colour, and whether somebody sees it who has never been here."""
+"""Layers of the scene, each with its meaning, its colour, its drawing, and whether it is shown at the start.
 
+A new layer is an entry here: the panel, its legend, the REST interface and the links of the page read this table.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from app.drawing import palette
 from app.drawing.palette import Colour
+from app.viewer.scene.footprints import PastFootprints, PlannedFootholds
+from app.viewer.scene.frame import Canvas, Drawing
+from app.viewer.scene.points import CAPTURE_POINT, FULL_COP, MODEL_COP, CentreOfMassDrawing, PointDrawing
+from app.viewer.scene.pushes import PushDrawing
+from app.viewer.scene.robot import robot_drawing
+from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_drawing, support_drawing
+from app.viewer.scene.velocities import CoMVelocityDrawing, ReferenceDrawing
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """A part of the scene that can be switched."""
+    """Part of the scene that can be shown or hidden."""
 
     label: str
     meaning: str
     colour: Colour | None = None
-    """None for what has colours of its own."""
+    """Colour in the legend; None for a layer that is not in it."""
+    draw: Callable[[Canvas], Drawing] | None = None
+    """Makes the drawing; None for a layer that changes how others are drawn."""
     is_on: bool = True
-    """At the start."""
+    """Whether the layer is shown at the start."""
 
 
 LAYERS = {
-    "robot": Layer("robot", "The robot itself"),
-    "footprints": Layer("past footsteps", "Soles where they stood: left darker, right lighter", palette.LEFT_FOOT),
-    "plan": Layer("planned footsteps", "Footholds that the QP decided at this tick", palette.RIGHT_FOOT),
-    "regions": Layer("foothold regions", "Where each planned foot may land", palette.REGION, is_on=False),
-    "support": Layer("support polygon", "Hull of the soles that carry the robot", palette.SUPPORT),
-    "margin": Layer("margin", "Where (28) holds the CoP: the support less the margin", palette.MARGIN, is_on=False),
-    "com": Layer("CoM", "Centre of mass, and its place above the ground", palette.COM),
-    "cop": Layer("CoP", "Centre of pressure of the model, (5)-(6)", palette.COP),
-    "true_cop": Layer("true CoP", "Centre of pressure from the full inverse dynamics", palette.TRUE_COP),
+    "robot": Layer("robot", "The robot itself", draw=robot_drawing),
+    "footprints": Layer(
+        "past footsteps", "Soles where they stood: left darker, right lighter", palette.LEFT_FOOT, PastFootprints
+    ),
+    "plan": Layer(
+        "planned footsteps", "Footholds that the QP decided at this tick", palette.RIGHT_FOOT, PlannedFootholds
+    ),
+    "regions": Layer(
+        "foothold regions", "Where each planned foot may land", palette.REGION, FootholdRegions, is_on=False
+    ),
+    "support": Layer("support polygon", "Hull of the soles that carry the robot", palette.SUPPORT, support_drawing),
+    "margin": Layer(
+        "margin", "Where (28) holds the CoP: the support less the margin", palette.MARGIN, margin_drawing, is_on=False
+    ),
+    "com": Layer("CoM", "Centre of mass, and its place above the ground", palette.COM, CentreOfMassDrawing),
+    "cop": Layer("CoP", "Centre of pressure of the model, (5)-(6)", palette.COP, partial(PointDrawing, MODEL_COP)),
+    "true_cop": Layer(
+        "true CoP",
+        "Centre of pressure from the full inverse dynamics",
+        palette.TRUE_COP,
+        partial(PointDrawing, FULL_COP),
+    ),
     "capture_point": Layer(
-        "capture point", "c + dc/ω: a foot there would stop the robot", palette.CAPTURE, is_on=False
+        "capture point",
+        "DCM c + dc/ω: a foot there would stop the robot",
+        palette.CAPTURE,
+        partial(PointDrawing, CAPTURE_POINT),
+        is_on=False,
     ),
     "trails": Layer("trails", "Where these points were during the last two seconds", is_on=False),
     "preview": Layer("preview", "Where the model will have them over the horizon", is_on=False),
-    "reference": Layer("reference", "Velocity asked for", palette.REFERENCE),
-    "velocity": Layer("velocity", "Velocity of the centre of mass", palette.COM, is_on=False),
-    "push": Layer("push", "The last push, and what the next one would do", palette.PUSH),
-    "active": Layer("active constraints", "Bounds of the QP that the plan touches", palette.ACTIVE, is_on=False),
+    "reference": Layer("reference", "Reference velocity", palette.REFERENCE, ReferenceDrawing),
+    "velocity": Layer("velocity", "Velocity of the centre of mass", palette.COM, CoMVelocityDrawing, is_on=False),
+    "push": Layer("push", "The last push, and the effect of the next one", palette.PUSH, PushDrawing),
+    "active": Layer(
+        "active constraints", "Bounds of the QP that the plan rests on", palette.ACTIVE, ActiveBounds, is_on=False
+    ),
+    "see_through": Layer("see-through", "Let the centre of mass show through the robot", is_on=False),
 }
+DEFAULT_LAYERS = {name: layer.is_on for name, layer in LAYERS.items()}

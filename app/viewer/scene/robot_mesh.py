@@ -1,4 +1,4 @@
-"""What a robot looks like: the visual meshes of its URDF, decimated, one per moving joint and colour."""
+"""Visual meshes of a robot's URDF, decimated, one for each moving joint and colour."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ FEWEST_FACES = 2300  # of a part, times the ratio: fewer would eat the shape of 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyPart:
-    """A rigid part of the robot, in the frame of the joint that moves it."""
+    """Rigid part of the robot, in the frame of the joint that moves it."""
 
     joint: int
     """Index in the Pinocchio model."""
@@ -40,10 +40,10 @@ class BodyPart:
 
 
 def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[BodyPart]:
-    """The parts that a viewer draws.
+    """Parts that a viewer draws.
 
     Args:
-        body: names the URDF.
+        body: has the URDF.
         model: built from the same URDF.
         face_ratio: fraction of the faces that is kept, in (0, 1]; shared out by area, because the small parts
             inside the hips have the most faces and the large shells outside show the least of a decimation.
@@ -91,11 +91,11 @@ def _part(joint: int, colour: Colour, meshes: list[trimesh.Trimesh]) -> BodyPart
 def _decimated(mesh: trimesh.Trimesh, nb_faces: float) -> trimesh.Trimesh:
     if nb_faces >= len(mesh.faces):
         return mesh
-    return _closed(mesh).simplify_quadric_decimation(face_count=round(nb_faces), aggression=AGGRESSION)
+    return closed(mesh).simplify_quadric_decimation(face_count=round(nb_faces), aggression=AGGRESSION)
 
 
-def _closed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with its small openings closed, each by a fan around its middle."""
+def closed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Mesh with its small openings closed, each by a fan around its middle."""
     vertices: list[NDArray[np.float64]] = [mesh.vertices]
     faces: list[NDArray[np.int64]] = [mesh.faces]
     for nb_fans, opening in enumerate(_openings(mesh)):

@@ -1,16 +1,13 @@
-"""A recording as a page that plays in 3-D from disk, drawn by the same scene as the live robot."""
+"""Recording as a page that plays in three dimensions from disk, drawn by the same scene as the live robot."""
 
-import contextlib
 import html
-import io
 
 import viser
-from viser import _messages
-from viser.infra import StateSerializer
 
-from app.viewer.scene.scene import LIGHT, Scene
-from app.viewer.transport.stream import Stream
-from app.viewer.viewer import CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
+from app.viewer.scene.frame import LIGHT
+from app.viewer.scene.scene import Scene
+from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.viewer import start_server
 from walkcore import Parameters, Recording
 from walkcore.scenario.replay import replayed
 
@@ -21,13 +18,12 @@ MORE_LAYERS = ("trails",)  # beside those that the live scene shows at its start
 
 
 def replay_page(recording: Recording) -> str:
-    """A standalone HTML page."""
-    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address that nobody should open
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        try:
-            return _played(server, recording)
-        finally:
-            server.stop()
+    """Standalone HTML page that plays a recording."""
+    server = start_server()
+    try:
+        return _played(server, recording)
+    finally:
+        server.stop()
 
 
 def _played(server: viser.ViserServer, recording: Recording) -> str:
@@ -39,25 +35,23 @@ def _played(server: viser.ViserServer, recording: Recording) -> str:
     _illuminate(server)
     for layer in MORE_LAYERS:
         scene.show(layer, True)
-    camera = server.initial_camera
-    camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
-    serializer = server.get_scene_serializer()
+    serializer = server.get_scene_serializer()  # records all that the handles are assigned
     for k, snapshot in enumerate(replayed(recording, every)):
         scene.draw(snapshot, parameters[k * every], every * period)
-        _keep(serializer, scene.stream)
+        assign_to_handles(server, scene.updates)
         serializer.insert_sleep(every * period)
     name = html.escape(recording.scenario.name)
     return serializer.as_html().replace("<title>Viser</title>", f"<title>{name}</title>", 1)
 
 
 def _illuminate(server: viser.ViserServer) -> None:
-    """By a sky in place of the studio, which the page would load anew, and fade in, each time the walk begins again."""
+    """Add a sky instead of the studio, which the page would load anew, and fade in, each time the walk starts again."""
     server.scene.configure_environment_map(None)
     server.scene.add_light_hemisphere("/light/sky", sky_color=SKY, ground_color=FLOOR, intensity=1.6)
 
 
 def _parameters(recording: Recording) -> list[Parameters]:
-    """In force at each row."""
+    """Parameters in force at each row."""
     scenario = recording.scenario
     found = [scenario.parameters] * len(recording.rows)
     for tick, changed in scenario.parameter_changes():
@@ -65,10 +59,14 @@ def _parameters(recording: Recording) -> list[Parameters]:
     return found
 
 
-def _keep(serializer: StateSerializer, stream: Stream) -> None:
-    """End a frame of the stream, and put what it changes into the page."""
-    for message in stream.changes(stream.frame):
-        kind = getattr(_messages, message.pop("type"))
-        message.pop("owner", None)
-        serializer._insert_message(kind(**message))
-    stream.next_frame()
+def assign_to_handles(server: viser.ViserServer, updates: SceneUpdates) -> None:
+    """End a frame, and assign its changes to viser's handles: slower than to broadcast them, but viser records them."""
+    for message in updates.changes(updates.frame):
+        if "name" in message:  # not of the panel
+            handle = server.scene.get_handle_by_name(message["name"])
+            for field in ("position", "wxyz", "visible"):
+                if field in message:
+                    setattr(handle, field, message[field])
+            for field, value in message.get("updates", {}).items():
+                setattr(handle, field, value)
+    updates.next_frame()

@@ -1,0 +1,116 @@
+"""Input of the layers: the canvas on which each makes its nodes, and the frame that each draws."""
+
+import math
+from collections import deque
+from collections.abc import Set
+from dataclasses import dataclass
+from typing import Protocol
+
+import viser
+
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore import Parameters, Robot, Snapshot
+from walkcore.mpc.stance import Side
+from walkcore.snapshot import GivenPush
+from walkcore.values import Vector
+
+Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
+
+PRINTS_PER_FOOT = 6
+TRAIL_POINTS = 20  # two seconds
+FRAMES_PER_LINE = 3  # lines are sent at a third of the rate: a client rebuilds them
+
+
+@dataclass(frozen=True, slots=True)
+class RenderQuality:
+    """Amount of detail that a client has to render."""
+
+    face_ratio: float = 0.3
+    """Fraction of the faces of the robot's meshes."""
+    has_shadows: bool = True
+
+
+LIGHT = RenderQuality(face_ratio=0.1, has_shadows=False)
+"""Quality for machines that render in software."""
+
+
+@dataclass(frozen=True, slots=True)
+class Canvas:
+    """Place for the nodes of one layer."""
+
+    server: viser.ViserServer
+    root: str
+    """Path of the node that is hidden with the layer; its frame is the world's."""
+    robot: Robot
+    quality: RenderQuality
+    draggable: list[viser.MeshHandle]
+    """Meshes of all layers that can be dragged to push the robot; a drawing adds its own."""
+
+
+class History:
+    """Past of the walk that a snapshot does not hold; it is kept for hidden layers, too."""
+
+    def __init__(self) -> None:
+        """Start with no past."""
+        self.footprints: dict[Side, deque[Pose]] = {side: deque(maxlen=PRINTS_PER_FOOT) for side in Side}
+        """Last places where each sole stood, the latest first."""
+        self.nb_changes = 0
+        """Number of changes of the footprints so far."""
+        self.trail: deque[Snapshot] = deque(maxlen=TRAIL_POINTS)
+        """Snapshots of the last two seconds, the latest last; always as many."""
+        self.new_push: GivenPush | None = None
+        """Push since the snapshot before."""
+        self._last_tick: float = math.inf
+
+    def add(self, snapshot: Snapshot, *, is_on_trail: bool) -> None:
+        """Add a drawn snapshot; one from before the last, after a reset of the robot, starts a new past."""
+        if snapshot.tick < self._last_tick:
+            self.trail.clear()
+            for places in self.footprints.values():
+                places.clear()
+        push = snapshot.last_push
+        self.new_push = push if push is not None and push.tick > self._last_tick else None
+        self._last_tick = snapshot.tick
+        for side, foot in snapshot.feet.items():
+            x, y, yaw = foot.pose.tolist()
+            places = self.footprints[side]
+            if foot.height == 0.0 and (not places or places[0] != (x, y, yaw)):
+                places.appendleft((x, y, yaw))
+                self.nb_changes += 1
+        if is_on_trail:
+            self.trail.extend([snapshot] * (1 if self.trail else TRAIL_POINTS))
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """Push that somebody is aiming."""
+
+    impulse: Vector
+    """World frame [N s], shape (2,)."""
+    preview: Snapshot | None
+    """First snapshot after the push, as soon as it is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """State of the robot to be drawn."""
+
+    snapshot: Snapshot
+    parameters: Parameters
+    """Parameters that the snapshot was computed with."""
+    elapsed: float
+    """Real time since the frame before [s]."""
+    shown: Set[str]
+    """Names of the layers that are shown."""
+    history: History
+    has_lines: bool
+    """Whether lines are sent in this frame."""
+    aim: Aim | None = None
+
+
+class Drawing(Protocol):
+    """Drawing of one layer, made once on a canvas."""
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Draw a frame; called for every frame in which the layer is shown."""
+        ...

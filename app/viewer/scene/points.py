@@ -1,0 +1,109 @@
+"""Points that tell the balance: dots on the ground, with the lines of where each was and where the plan has it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.drawing.palette import CAPTURE, COM, COP, COP_TRAIL, GRID_CELL, TRUE_COP, Colour
+from app.viewer.scene.frame import TRAIL_POINTS, Canvas, Frame
+from app.viewer.scene.primitives import add_dot, add_lines, path
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore import Snapshot
+from walkcore.mpc.plan import Plan
+from walkcore.values import Matrix, Vector
+
+TRAIL_HEIGHT, PREVIEW_HEIGHT = 0.007, 0.008  # [m]
+BALL_RADIUS = 0.045  # [m]
+
+
+@dataclass(frozen=True, slots=True)
+class PointStyle:
+    """Point of the ground, and how it is drawn."""
+
+    position: Callable[[Snapshot], Vector | None]
+    """[m], shape (2,); None for a robot that has no such point."""
+    preview: Callable[[Plan], Matrix | None]
+    """Point at each sample [m], shape (N, 2); None where the model does not know it."""
+    colour: Colour
+    line: Colour
+    radius: float
+    """[m]."""
+    height: float
+    """Height of the dot [m], so that none hides another."""
+
+
+CENTRE_OF_MASS = PointStyle(lambda now: now.com.position, lambda plan: plan.com, COM, COM, 0.016, 0.009)
+MODEL_COP = PointStyle(lambda now: now.cop, lambda plan: plan.cop, COP, COP_TRAIL, 0.020, 0.011)
+FULL_COP = PointStyle(lambda now: now.true_cop, lambda _: None, TRUE_COP, TRUE_COP, 0.015, 0.013)
+CAPTURE_POINT = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, CAPTURE, CAPTURE, 0.017, 0.015)
+
+
+class PointDrawing:
+    """Dot of one point, its trail, and its preview. The lines move with the CoM."""
+
+    def __init__(self, style: PointStyle, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        self._style, self._dot, self._frame = style, f"{canvas.root}/dot", f"{canvas.root}/at_com"
+        self._trail, self._preview = f"{self._frame}/trail", f"{self._frame}/preview"
+        add_dot(canvas.server, self._dot, style.colour, style.radius)
+        canvas.server.scene.add_frame(self._frame, show_axes=False)
+        fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
+        colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
+        of_ends = np.stack([colours[:-1], colours[1:]], axis=1)
+        add_lines(canvas.server, self._trail, of_ends, 2.0, nb_segments=TRAIL_POINTS - 1)
+        add_lines(canvas.server, self._preview, style.line, 2.5)
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Put the dot on the point, and draw its lines if their layers are shown."""
+        point, com = self._style.position(frame.snapshot), frame.snapshot.com.position
+        updates.visible(self._dot, point is not None)
+        if point is not None:
+            updates.on_ground(self._dot, point, height=self._style.height)
+        if frame.shown & {"trails", "preview"}:
+            updates.on_ground(self._frame, com)
+        if frame.has_lines:
+            self._draw_trail(updates, frame, com)
+            self._draw_preview(updates, frame, point, com)
+
+    def _draw_trail(self, updates: SceneUpdates, frame: Frame, com: Vector) -> None:
+        past = [self._style.position(snapshot) for snapshot in frame.history.trail] if "trails" in frame.shown else []
+        known = [point for point in past if point is not None]
+        is_shown = len(known) == TRAIL_POINTS
+        updates.visible(self._trail, is_shown)
+        if is_shown:
+            updates.properties(self._trail, points=path(np.array(known) - com, TRAIL_HEIGHT))
+
+    def _draw_preview(self, updates: SceneUpdates, frame: Frame, point: Vector | None, com: Vector) -> None:
+        plan = frame.snapshot.plan
+        preview = self._style.preview(plan) if plan is not None and "preview" in frame.shown else None
+        updates.visible(self._preview, preview is not None)
+        if preview is not None and point is not None:
+            line = path(np.vstack([point, preview]) - com, PREVIEW_HEIGHT)
+            is_dashed = self._style.line is COP_TRAIL
+            updates.properties(self._preview, points=line[::2] if is_dashed else line)
+
+
+class CentreOfMassDrawing(PointDrawing):
+    """Ball at the CoM, a line from it to the ground, and its dot there."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once."""
+        super().__init__(CENTRE_OF_MASS, canvas)
+        self._mass = f"{canvas.root}/mass"
+        self._ball, self._plumb_line = f"{self._mass}/ball", f"{self._mass}/plumb_line"
+        canvas.server.scene.add_frame(self._mass, show_axes=False)
+        canvas.server.scene.add_icosphere(self._ball, radius=BALL_RADIUS, color=COM, cast_shadow=False)
+        add_lines(canvas.server, self._plumb_line, COM, 1.5, visible=True)
+        self._height = np.nan
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Put ball, line and dot in place."""
+        super().update(updates, frame)
+        updates.on_ground(self._mass, frame.snapshot.com.position)
+        height = round(frame.snapshot.com_height, 3)
+        if height != self._height:
+            self._height = height
+            top = (0.0, 0.0, height)
+            updates.position(self._ball, top)
+            updates.properties(self._plumb_line, points=np.array([[top, (0.0, 0.0, 0.0)]], dtype=np.float32))

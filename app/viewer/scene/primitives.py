@@ -1,0 +1,168 @@
+"""Shapes that the layers are drawn with: flat polygons, dots, lines and arrows, as arrays and as nodes of viser.
+
+Nodes are made once and moved afterwards.
+"""
+
+import numpy as np
+import viser
+from numpy.typing import ArrayLike, NDArray
+
+from app.drawing.palette import COP_RIM, Colour, linear
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore.values import Matrix, Vector
+
+Points = NDArray[np.float32]
+Faces = NDArray[np.uint32]
+
+
+def raised(points: ArrayLike, height: float) -> Points:
+    """Points of the plane, shape (V, 2), at a height [m]."""
+    flat = np.asarray(points, dtype=np.float32).reshape(-1, 2)
+    return np.column_stack([flat, np.full(len(flat), height, dtype=np.float32)])
+
+
+def fan(nb_vertices: int, first: int = 0) -> Faces:
+    """Triangles of a convex polygon whose vertices follow each other counter-clockwise from `first`."""
+    inner = np.arange(1, nb_vertices - 1, dtype=np.uint32)
+    return np.column_stack([np.zeros_like(inner), inner, inner + 1]) + np.uint32(first)
+
+
+def outline(polygon: Points) -> Points:
+    """Closed border of a polygon, shape (V, 3), as segments, shape (V, 2, 3)."""
+    return np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1)
+
+
+def path(points: Matrix, height: float) -> Points:
+    """Path through points of the plane, shape (P, 2), at a height [m], as segments, shape (P - 1, 2, 3)."""
+    corners = raised(np.round(points, 4), height)
+    return np.stack([corners[:-1], corners[1:]], axis=1)
+
+
+def counter_clockwise(polygon: ArrayLike) -> NDArray[np.float64]:
+    """Vertices of a polygon, shape (V, 2), in the order in which its face looks up."""
+    vertices = np.asarray(polygon, dtype=float)
+    following = np.roll(vertices, -1, axis=0)
+    twice_area = np.sum(vertices[:, 0] * following[:, 1] - vertices[:, 1] * following[:, 0])
+    return vertices if twice_area > 0.0 else vertices[::-1]
+
+
+def disc(radius: float, nb_corners: int = 40) -> tuple[Points, Faces]:
+    """Disc around the origin of the plane, facing up."""
+    angle = np.linspace(0.0, 2.0 * np.pi, nb_corners, endpoint=False)
+    return raised(radius * np.column_stack([np.cos(angle), np.sin(angle)]), 0.0), fan(nb_corners)
+
+
+def plate(polygon: ArrayLike, thickness: float) -> tuple[Points, Faces]:
+    """Convex polygon, shape (V, 2), made thick upwards from the plane."""
+    bottom = counter_clockwise(polygon)
+    n = len(bottom)
+    vertices = np.vstack([raised(bottom, 0.0), raised(bottom, thickness)])
+    i = np.arange(n, dtype=np.uint32)
+    j = np.roll(i, -1)
+    sides = np.vstack([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
+    return vertices, np.vstack([fan(n)[:, ::-1], fan(n, first=n), sides]).astype(np.uint32)
+
+
+def add_dot(server: viser.ViserServer, name: str, colour: Colour, radius: float) -> None:
+    """Make a flat disc with a white rim, invisible."""
+    server.scene.add_frame(name, show_axes=False, visible=False)
+    for part, color, size, lift in (("rim", COP_RIM, 1.35 * radius, 0.0), ("face", colour, radius, 0.001)):
+        server.scene.add_mesh_simple(
+            f"{name}/{part}",
+            *disc(size),
+            color=color,
+            position=(0.0, 0.0, lift),
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+
+def add_lines(
+    server: viser.ViserServer,
+    name: str,
+    colours: Colour | NDArray[np.uint8],
+    thickness: float,
+    *,
+    nb_segments: int = 1,
+    visible: bool = False,
+) -> None:
+    """Make line segments of a thickness in pixels of the screen."""
+    server.scene.add_line_segments(
+        name,
+        np.zeros((nb_segments, 2, 3)),
+        colors=colours,
+        thickness=thickness,
+        thickness_units="screen",
+        visible=visible,
+    )
+
+
+def add_arrow(server: viser.ViserServer, name: str, colour: Colour, radius: float) -> None:
+    """Make an arrow, invisible."""
+    server.scene.add_arrows(
+        name,
+        np.array([[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]]),
+        linear(colour),
+        shaft_radius=radius,
+        head_radius=2.8 * radius,
+        head_length=6.0 * radius,
+        visible=False,
+    )
+
+
+class GroundPolygon:
+    """Convex polygon on the ground, filled and outlined, in a frame that moves."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        name: str,
+        colour: Colour,
+        height: float,
+        *,
+        opacity: float,
+        thickness: float,
+        polygon: Matrix | None = None,
+    ) -> None:
+        """Make the nodes once, invisible.
+
+        Args:
+            server: gets the nodes.
+            name: path of the frame.
+            colour: of border and face.
+            height: above the ground [m].
+            opacity: of the face.
+            thickness: of the border, in pixels.
+            polygon: corners in the frame [m], shape (V, 2), for a polygon that never changes.
+        """
+        self._name, self._height = name, height
+        corners = raised(np.zeros((3, 2)) if polygon is None else polygon, 0.0)
+        server.scene.add_frame(name, show_axes=False, visible=False)
+        server.scene.add_mesh_simple(
+            f"{name}/fill",
+            corners,
+            fan(len(corners)),
+            color=colour,
+            opacity=opacity,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        server.scene.add_line_segments(
+            f"{name}/outline", outline(corners), colors=colour, thickness=thickness, thickness_units="screen"
+        )
+
+    def place(self, updates: SceneUpdates, position: Vector, yaw: float) -> None:
+        """Draw the polygon with its frame at a place on the ground [m], [rad]."""
+        updates.on_ground(self._name, position, yaw, self._height)
+        updates.visible(self._name, True)
+
+    def reshape(self, updates: SceneUpdates, polygon: Matrix) -> None:
+        """Change the corners of the polygon in its frame [m], shape (V, 2)."""
+        corners = raised(np.round(counter_clockwise(polygon), 4), 0.0)
+        updates.properties(f"{self._name}/fill", vertices=corners, faces=fan(len(corners)))
+        updates.properties(f"{self._name}/outline", points=outline(corners))
+
+    def hide(self, updates: SceneUpdates) -> None:
+        """Hide the polygon."""
+        updates.visible(self._name, False)

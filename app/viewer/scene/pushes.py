@@ -1,0 +1,133 @@
+"""Pushes as arrows at the height of the chest: the last one for a moment, and the one that somebody is aiming.
+
+With the aimed push its effect is drawn: the capture point right after it, the steps that the QP would answer with,
+and a word where there are none, since a robot that stands catches a light push without a step.
+"""
+
+import numpy as np
+
+from app.drawing.palette import PUSH
+from app.viewer.scene.footprints import FootholdMarks
+from app.viewer.scene.frame import Canvas, Frame
+from app.viewer.scene.points import CAPTURE_POINT
+from app.viewer.scene.primitives import Points, add_arrow, add_dot, raised
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore import Robot, Snapshot
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
+from walkcore.values import Vector
+
+CHEST = 1.35  # height of the arrow, in heights of the CoM
+CLEARANCE = 0.22  # [m] from the CoM to the near end of the arrow, outside the robot
+LENGTH, LENGTH_PER_IMPULSE = 0.15, 0.01  # [m], [m per N s]
+SHAFT = 0.022  # [m]
+SECONDS_SHOWN = 0.6
+STEP_HEIGHT = 0.010  # [m] of the steps after an aimed push, above those planned without it
+LABEL_LIFT = 0.12  # [m] above the arrow
+
+
+class PushDrawing:
+    """Arrow of the last push, and the preview of the next one."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        self._last, self._next = LastPush(canvas), PushPreview(canvas)
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Draw both, if there are any."""
+        self._last.update(updates, frame)
+        self._next.update(updates, frame)
+
+
+class LastPush:
+    """Arrow of the last push, shown for a moment."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        self._frame, self._arrow = f"{canvas.root}/at_com", f"{canvas.root}/at_com/last"
+        canvas.server.scene.add_frame(self._frame, show_axes=False)
+        add_arrow(canvas.server, self._arrow, PUSH, SHAFT)
+        self._seconds_left = 0.0
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Draw a push since the last frame, and hide it after its time."""
+        snapshot, push = frame.snapshot, frame.history.new_push
+        self._seconds_left = max(0.0, self._seconds_left - frame.elapsed)
+        # An older one was given while nobody was watching.
+        if push is not None and (snapshot.tick - push.tick) * frame.parameters.control_period < SECONDS_SHOWN:
+            self._seconds_left = SECONDS_SHOWN
+            points = arrow_away(-np.array(push.impulse), CHEST * snapshot.com_height)[:, ::-1]
+            updates.properties(self._arrow, points=points)
+        if self._seconds_left > 0.0:
+            updates.on_ground(self._frame, snapshot.com.position)
+        updates.visible(self._arrow, self._seconds_left > 0.0)
+
+
+class PushPreview:
+    """Arrow, impulse and effect of a push that somebody is aiming."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        scene = canvas.server.scene
+        self._robot = canvas.robot
+        self._root = f"{canvas.root}/preview"
+        self._capture_point, self._frame = f"{self._root}/capture_point", f"{self._root}/at_com"
+        self._arrow, self._label = f"{self._frame}/arrow", f"{self._frame}/label"
+        scene.add_frame(self._root, show_axes=False, visible=False)
+        scene.add_frame(self._frame, show_axes=False)
+        add_arrow(canvas.server, self._arrow, PUSH, SHAFT)
+        scene.add_label(self._label, "", anchor="bottom-center", font_size_mode="screen", font_screen_scale=1.4)
+        add_dot(canvas.server, self._capture_point, CAPTURE_POINT.colour, CAPTURE_POINT.radius)
+        colours = {Side.LEFT: PUSH, Side.RIGHT: PUSH}
+        self._steps = FootholdMarks(
+            canvas, f"{self._root}/steps", colours, height=STEP_HEIGHT, opacity=0.35, thickness=3.0
+        )
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Draw the aimed push, or nothing."""
+        aim, snapshot = frame.aim, frame.snapshot
+        updates.visible(self._root, aim is not None)
+        if aim is None:
+            return
+        arrow, after = arrow_away(aim.impulse, CHEST * snapshot.com_height), aim.preview
+        updates.on_ground(self._frame, snapshot.com.position)
+        updates.visible(self._arrow, True)
+        updates.properties(self._arrow, points=arrow)
+        updates.position(self._label, arrow[0, 1] + np.array([0.0, 0.0, LABEL_LIFT]))
+        effect = "" if after is None else f": {_effect(self._robot, after)}"
+        updates.properties(self._label, text=f"{np.hypot(*aim.impulse):.0f} N·s{effect}")
+        self._steps.draw(updates, after.plan.footholds if after is not None and after.plan is not None else ())
+        updates.visible(self._capture_point, after is not None)
+        if after is not None:
+            updates.on_ground(self._capture_point, after.dcm, height=STEP_HEIGHT)
+
+
+def arrow_away(impulse: Vector, height: float) -> Points:
+    """Ends of an arrow along an impulse that starts at the robot, relative to the CoM on the ground.
+
+    Args:
+        impulse: [N s], shape (2,).
+        height: above the ground [m].
+
+    Returns:
+        Tail and tip [m], shape (1, 2, 3).
+    """
+    strength = float(np.hypot(*impulse))
+    direction = impulse / strength
+    tail = CLEARANCE * direction
+    tip = tail + (LENGTH + LENGTH_PER_IMPULSE * strength) * direction
+    return raised(np.round([tail, tip], 3), height)[None]
+
+
+def _effect(robot: Robot, after: Snapshot) -> str:
+    """Effect of a push in a word or two, by the first snapshot after it."""
+    if after.plan is None or not after.plan.is_capturable:
+        return "would fall"
+    if after.plan.max_leg_extension() > robot.max_com_distance:
+        return "would probably fall"  # unless the next ticks find better steps, which is rare
+    if after.status is Status.RELAXED:
+        return "gives up margin"
+    if after.phase is Phase.STANDING:
+        return "steps" if after.plan.footholds else "stands"
+    return "walks on"

@@ -1,0 +1,129 @@
+"""Robot itself: its meshes where forward kinematics puts them, or a point mass on two legs."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
+import trimesh
+import viser
+
+from app.drawing.palette import COM, FALLEN, LEFT_FOOT, Colour, mixed
+from app.viewer.scene.footprints import GREYS, sole_outline
+from app.viewer.scene.frame import Canvas, Drawing, Frame
+from app.viewer.scene.joints import joint_of
+from app.viewer.scene.primitives import plate
+from app.viewer.scene.robot_mesh import body_parts
+from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.transport.viser_private import add_mesh
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
+from walkcore.robot import BodyModel
+
+TRANSLUCENT = 0.3  # opacity
+FEET = 0.45  # opacity: the centres of pressure lie below them
+FALLEN_SHARE = 0.6  # of the colour of a fallen robot
+FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
+
+
+def robot_drawing(canvas: Canvas) -> Drawing:
+    """Drawing that fits the robot of a canvas."""
+    body = canvas.robot.body
+    return PointMassDrawing(canvas) if body is None else BodyDrawing(canvas, body)
+
+
+class BodyDrawing:
+    """Visual meshes of a whole body."""
+
+    def __init__(self, canvas: Canvas, body: BodyModel) -> None:
+        """Load and send the meshes once."""
+        model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        self._colours: dict[str, Colour] = {}
+        self._opacities: dict[str, float | None] = {}
+        self._has_fallen = self._is_translucent = False
+        feet = {model.frames[model.getFrameId(body.sole(side))].parentJoint for side in Side}
+        parts = body_parts(body, model, canvas.quality.face_ratio)
+        nodes = _add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
+        self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
+        for index, part in enumerate(parts):
+            name = f"{nodes[part.joint]}/{index}"
+            opacity = FEET if part.joint in feet else None
+            self._colours[name], self._opacities[name] = part.colour, opacity
+            mesh = add_mesh(
+                canvas.server.scene,
+                name,
+                *part.quantised(),
+                color=part.colour,
+                opacity=opacity,
+                side="double",  # shells of one layer, seen from inside where they are open
+                cast_shadow=True,
+                receive_shadow=False,
+            )
+            canvas.draggable.append(mesh)
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Put every link where forward kinematics says, in the colours of its state."""
+        snapshot = frame.snapshot
+        if snapshot.q is not None:
+            q: list[float] = snapshot.q.tolist()
+            for node, joint in self._joints.items():
+                joint.move(updates, node, q)
+        has_fallen = snapshot.status is Status.FALLEN
+        if has_fallen is not self._has_fallen:
+            self._has_fallen = has_fallen
+            for name, colour in self._colours.items():
+                updates.properties(name, color=mixed(colour, FALLEN, FALLEN_SHARE * has_fallen))
+        is_translucent = "see_through" in frame.shown
+        if is_translucent is not self._is_translucent:
+            self._is_translucent = is_translucent
+            for name, solid in self._opacities.items():
+                opacity = TRANSLUCENT if is_translucent else solid
+                updates.properties(name, opacity=opacity, cast_shadow=not is_translucent)
+
+
+def _add_joints(server: viser.ViserServer, root: str, model: Any, drawn: set[int]) -> dict[int, str]:
+    """Make a frame for each joint that moves something drawn, within that of its parent joint.
+
+    So a revolute joint only turns, and its place in the parent's frame need not be sent.
+    """
+    parents = list(model.parents)
+    chains = {joint for last in drawn for joint in _ancestry(parents, last)}
+    names = {0: root}
+    for joint in sorted(chains):  # parents come first in Pinocchio
+        names[joint] = f"{names[parents[joint]]}/j{joint}"
+        server.scene.add_frame(names[joint], show_axes=False, position=tuple(model.jointPlacements[joint].translation))
+    return {joint: names[joint] for joint in sorted(chains)}
+
+
+def _ancestry(parents: Sequence[int], joint: int) -> Iterator[int]:
+    """Yield a joint and those that carry it, without the world."""
+    while joint:
+        yield joint
+        joint = parents[joint]
+
+
+class PointMassDrawing:
+    """Robot without a body, as in the paper's figures: a mass, two legs, two soles."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once."""
+        self._mass, self._legs = f"{canvas.root}/mass", f"{canvas.root}/legs"
+        self._feet = {side: f"{canvas.root}/{side.name.lower()}_foot" for side in Side}
+        scene, ball = canvas.server.scene, trimesh.creation.icosphere(subdivisions=3, radius=0.09)
+        canvas.draggable.append(scene.add_mesh_simple(self._mass, ball.vertices, ball.faces, color=COM))
+        scene.add_line_segments(self._legs, np.zeros((2, 2, 3)), colors=LEFT_FOOT, thickness=0.03)
+        for side, name in self._feet.items():
+            scene.add_mesh_simple(name, *plate(sole_outline(canvas.robot, side), FOOT_THICKNESS), color=GREYS[side])
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Put mass, legs and soles in place."""
+        snapshot = frame.snapshot
+        com = np.array([*snapshot.com.position, snapshot.com_height])
+        updates.position(self._mass, com)
+        legs = []
+        for side, foot in snapshot.feet.items():
+            sole = np.array([*foot.position, foot.height])
+            legs.append((com, sole + [0.0, 0.0, FOOT_THICKNESS]))
+            updates.on_ground(self._feet[side], foot.position, foot.yaw, foot.height)
+        updates.properties(self._legs, points=np.array(legs, dtype=np.float32))
+        updates.properties(self._mass, color=FALLEN if snapshot.status is Status.FALLEN else COM)

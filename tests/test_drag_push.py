@@ -1,0 +1,94 @@
+"""A drag of the robot's body aims a push, and its end gives it."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.viewer.scene.drag_push import DragPush, on_ground
+from walkcore import load_robot
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("pitch", [0.0, 0.4, 1.5])
+def test_drag_across_the_screen_is_a_way_on_the_ground(yaw, pitch):
+    heading = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    forward = np.cos(pitch) * heading - np.sin(pitch) * np.array([0.0, 0.0, 1.0])
+    right = np.array([heading[1], -heading[0], 0.0])
+    down = np.cross(forward, right)
+    x, y, z, w = Rotation.from_matrix(np.column_stack([right, down, forward])).as_quat()
+    camera = np.array([w, x, y, z])
+    assert on_ground(0.3 * right, camera) == pytest.approx(0.3 * right[:2])
+    assert on_ground(-0.2 * down, camera) == pytest.approx(0.2 * heading[:2])
+
+
+class Dragger:
+    """Drags by clients whose camera looks along x."""
+
+    def __init__(self, push: DragPush) -> None:
+        camera = Rotation.from_matrix(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])).as_quat()
+        self._client = SimpleNamespace(camera=SimpleNamespace(wxyz=np.roll(camera, 1)))
+        self.push = push
+
+    def drag(self, phase: str, right: float, up: float, client: int = 1) -> None:
+        end = (0.0, -right, up)
+        event: Any = SimpleNamespace(
+            phase=phase, client_id=client, client=self._client, start_position=(0.0, 0.0, 0.0), end_position=end
+        )
+        try:
+            self.push.drag(event).send(None)  # it awaits nothing
+        except StopIteration:
+            pass
+
+
+@pytest.fixture
+def runner():
+    robot = load_robot("talos")
+    pushes: list[Any] = []
+    return SimpleNamespace(robot=robot, pushes=pushes, push=lambda push: pushes.append(robot.check_push(push)))
+
+
+@pytest.fixture
+def dragger(viser_server, runner, monkeypatch):
+    monkeypatch.setattr(viser_server, "get_clients", lambda: {1: None, 2: None})
+    return Dragger(DragPush(viser_server, runner, []))
+
+
+def test_end_of_a_drag_pushes_along_it_and_no_harder_than_allowed(dragger, runner):
+    dragger.drag("start", 0.0, 0.0)
+    dragger.drag("update", 0.2, 0.0)
+    assert runner.pushes == [] and dragger.push.aim.impulse == pytest.approx([0.0, -12.0])
+    dragger.drag("end", 0.0, 0.3)
+    assert runner.pushes[0].impulse == pytest.approx([18.0, 0.0]) and runner.pushes[0].frame == "world"
+    dragger.drag("start", 0.0, 0.0)
+    dragger.drag("end", 7.0, 0.0)
+    assert np.linalg.norm(runner.pushes[1].impulse) == pytest.approx(runner.robot.max_push)
+    for angle in np.linspace(0.0, 6.0, 50):  # in no direction is it beyond the limit by a rounding
+        dragger.drag("start", 0.0, 0.0)
+        dragger.drag("end", 3.0 * np.cos(angle), 3.0 * np.sin(angle))
+    assert len(runner.pushes) == 52
+    assert dragger.push.aim is None
+
+
+@pytest.mark.parametrize("end", [(0.0, 0.0), (0.01, 0.03), (np.nan, 0.0), (1e9, 0.0)])
+def test_drag_that_goes_back_or_nowhere_gives_nothing(dragger, runner, end):
+    dragger.drag("start", 0.0, 0.0)
+    dragger.drag("update", 0.4, 0.0)
+    dragger.drag("end", *end)
+    assert runner.pushes == []
+
+
+def test_escape_another_client_and_a_lost_browser_give_nothing(dragger, runner, viser_server, monkeypatch):
+    dragger.drag("start", 0.3, 0.0)
+    dragger.push.cancel()
+    dragger.drag("update", 0.3, 0.0)
+    dragger.drag("end", 0.3, 0.0)
+    dragger.drag("start", 0.3, 0.0)
+    dragger.drag("start", 0.3, 0.0, client=2)
+    dragger.drag("end", 0.3, 0.0)
+    assert runner.pushes == []
+    monkeypatch.setattr(viser_server, "get_clients", lambda: {1: None})
+    dragger.drag("end", 0.3, 0.0, client=2)
+    assert runner.pushes == []

@@ -1,0 +1,122 @@
+"""The panel beside the scene: plots, layers, parameters of the method."""
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.viewer import LIGHT
+from app.viewer.panel.method_tab import MethodTab
+from app.viewer.panel.panel import ViewTab
+from app.viewer.panel.plots_tab import PLOTS, PlotsTab, plotted
+from app.viewer.scene.layers import DEFAULT_LAYERS
+from app.viewer.scene.scene import Scene
+from app.viewer.transport.scene_updates import SceneUpdates
+from walkcore import Command, Parameters, Reference, Simulation, load_robot
+
+REFERENCES = [(4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (3.0, Reference())]
+
+
+@pytest.fixture(scope="module")
+def walk() -> list[Any]:
+    """Snapshots of a walk with a turn and a stop, one for each sample."""
+    simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.1))
+    return [
+        simulation.step(Command(reference)) for seconds, reference in REFERENCES for _ in range(round(10 * seconds))
+    ]
+
+
+def test_plots_hold_each_point_once_and_start_anew_after_a_reset(viser_server, walk):
+    plots, updates = PlotsTab(viser_server), SceneUpdates()
+
+    def times(snapshots: list[Any]) -> list[float]:
+        for snapshot in snapshots:
+            plots.record(SimpleNamespace(snapshot=snapshot, timing=SimpleNamespace(tick_ms=1.0)))
+        plots.update(updates)
+        sent = [message["updates"]["data"] for message in updates.changes(0)]
+        assert len(sent) == len(plots.plots)
+        assert [len(data) - 1 for data in sent] == [len(lines) for lines in PLOTS.values()]
+        return sent[0][0].tolist()
+
+    first = times(walk[:30])
+    both = times(walk[30:60])
+    assert len(first) == 15 and len(both) == 30 and both[:15] == first
+    assert np.all(np.diff(both) > 0.0)
+    assert times(walk[59:60] * 4) == both  # paused
+    assert max(times(walk[:10])) <= walk[9].t + 1e-6
+
+
+def test_plots_show_the_cop_within_its_bounds_and_the_velocity_with_its_reference(walk):
+    for snapshot in walk:
+        forward, vx, left, vy, *cops = plotted(snapshot)
+        assert (vx, vy) == (snapshot.reference.vx, snapshot.reference.vy)
+        assert np.hypot(forward, left) == pytest.approx(np.linalg.norm(snapshot.com.velocity))
+        for cop, true_cop, low, high in (cops[:4], cops[4:]):
+            assert low - 1e-6 <= cop <= high + 1e-6 and true_cop == cop  # a point mass
+
+
+def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_switches(viser_server):
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
+    tab = ViewTab(viser_server, scene)
+    assert tab.layers == DEFAULT_LAYERS
+    tab.switch({"capture_point": True, "robot": False})
+    wait_until = time.monotonic() + 10.0
+    while "robot" in scene.shown and time.monotonic() < wait_until:
+        time.sleep(0.01)
+    assert scene.shown == {name for name, is_on in tab.layers.items() if is_on}
+    assert scene.shown ^ {name for name, is_on in DEFAULT_LAYERS.items() if is_on} == {"capture_point", "robot"}
+
+
+class Client:
+    """Browser that changes the method and is shown refusals."""
+
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+
+    def add_notification(self, title: str, body: str, color: str) -> None:
+        self.shown.append(body)
+
+
+@pytest.fixture
+def runner():
+    changes: list[dict[str, Any]] = []
+
+    def change(values: dict[str, Any]) -> Any:
+        changes.append(values)
+        runner.parameters = parameters = runner.parameters.changed(values)
+        return SimpleNamespace(result=lambda timeout: parameters)
+
+    runner = SimpleNamespace(robot=load_robot("talos"), parameters=Parameters(), changes=changes, change=change)
+    return runner
+
+
+def test_typed_parameters_are_applied_together_and_refusals_shown(viser_server, runner):
+    tab, client = MethodTab(viser_server, runner), Client()
+    event: Any = SimpleNamespace(client=client)
+    tab.apply(event)
+    assert runner.changes == []  # nothing was typed
+    tab.numbers["alpha"].value, tab.numbers["horizon_samples"].value = "2e-5", "24"
+    tab.apply(event)
+    assert runner.changes == [{"alpha": 2e-5, "horizon_samples": 24}] and client.shown == []
+    tab.update()
+
+    tab.numbers["gamma"].value = "a lot"
+    tab.apply(event)
+    assert "not a number" in client.shown[0] and tab.numbers["gamma"].value == "1e-06"
+    tab.numbers["gamma"].value = "-1"
+    tab.apply(event)
+    assert "gamma" in client.shown[1] and tab.numbers["gamma"].value == "1e-06"
+
+    tab.restore(event)
+    tab.update()
+    assert runner.parameters == Parameters() and tab.numbers["alpha"].value == "1e-06"
+
+
+def test_scheme_that_looks_far_ahead_gets_the_horizon_that_it_needs_and_returns_it(viser_server, runner):
+    tab, event = MethodTab(viser_server, runner), SimpleNamespace(client=Client())
+    for scheme, horizon in (("mean_velocity", 32), ("full", 16)):
+        tab.scheme.value = next(label for label in tab.scheme.options if label.startswith(scheme))
+        tab.change_scheme(event)
+        assert runner.parameters.scheme == scheme and runner.parameters.horizon_samples == horizon

@@ -1,0 +1,260 @@
+"""What the scene draws of a walk is true of it."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from scene_reader import latest
+from scipy.spatial.transform import Rotation
+from shapely import Polygon
+
+from app.viewer import LIGHT
+from app.viewer.scene.footprints import sole_outline
+from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim
+from app.viewer.scene.layers import LAYERS
+from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away
+from app.viewer.scene.robot_mesh import BodyPart, closed
+from app.viewer.scene.scene import SECTION, WORLD, Scene
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.mpc.gait import Phase
+from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
+
+FRAME = 7  # ticks
+FRAME_TIME = 1 / 30  # [s]
+REFERENCE = Reference(vx=0.3, vy=0.1, yaw_rate=0.3)
+
+
+@pytest.fixture(scope="module")
+def walk() -> list[Any]:
+    """Drawn snapshots of 10 s, walked by a point mass."""
+    simulation = Simulation(load_robot("hrp2"), Parameters())
+    return [simulation.step(Command(REFERENCE)) for _ in range(2000)][::FRAME]
+
+
+@pytest.fixture
+def scene(viser_server) -> Scene:
+    return Scene(viser_server, load_robot("hrp2"), LIGHT)
+
+
+def draw(scene: Scene, *snapshots: Any, **more: Any) -> None:
+    for snapshot in snapshots:
+        scene.draw(snapshot, Parameters(), FRAME_TIME, **more)
+
+
+def test_links_are_where_forward_kinematics_puts_them(viser_server):
+    robot = load_robot("talos")
+    scene = Scene(viser_server, robot, LIGHT)
+    simulation = Simulation(robot, Parameters())
+    for _ in range(300):
+        snapshot = simulation.step(Command(Reference(vx=0.3)))
+    scene.draw(snapshot, simulation.parameters, FRAME_TIME)
+    model = pin.buildModelFromUrdf(str(robot.body.urdf), pin.JointModelFreeFlyer())
+    data = model.createData()
+    pin.forwardKinematics(model, data, snapshot.q)
+    turned, moved = latest(scene.updates, "wxyz"), latest(scene.updates, "position")
+    nodes = [name for name in turned if name.startswith(f"{WORLD}/robot/")]
+    assert len(nodes) > 25
+    for name in nodes:
+        joint = int(name.rsplit("/j", 1)[1])
+        pose = np.eye(4)
+        for depth in range(len("/w/robot/".split("/")), len(name.split("/")) + 1):
+            node = "/".join(name.split("/")[:depth])
+            handle = viser_server.scene.get_handle_by_name(node)
+            w, x, y, z = turned[node]
+            local = np.eye(4)
+            local[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
+            local[:3, 3] = moved.get(node, handle.position)
+            pose = pose @ local
+        assert pose == pytest.approx(data.oMi[joint].homogeneous, abs=5e-4)
+
+
+def test_the_robot_stays_in_the_middle_of_an_endless_ground(scene, walk):
+    for snapshot in walk:
+        draw(scene, snapshot)
+        at = latest(scene.updates, "position")
+        middle, ground = np.array(at[WORLD][:2]), np.array(at[f"{WORLD}/ground"][:2])
+        assert np.hypot(*(middle + snapshot.com.position)) < 0.3
+        assert np.all(np.abs(ground + middle) <= SECTION / 2 + 1e-5) and np.all(ground % SECTION == 0.0)
+    assert np.hypot(*walk[-1].com.position) > 1.0
+    draw(scene, walk[0])  # reset: no slow way back
+    middle = np.array(latest(scene.updates, "position")[WORLD][:2])
+    assert np.hypot(*(middle + walk[0].com.position)) < 1.0
+
+
+def test_hidden_layers_are_not_sent_and_shown_ones_are(scene, walk):
+    hidden = {name for name, layer in LAYERS.items() if not layer.is_on}
+    assert {"capture_point", "margin", "regions", "active", "velocity"} <= hidden
+
+    def drawn() -> set[str]:
+        return {message["name"].split("/")[2] for message in scene.updates.changes(0) if message["name"].count("/") > 2}
+
+    draw(scene, *walk[100:120])
+    assert not drawn() & hidden
+    for layer in LAYERS:
+        scene.show(layer, True)
+    draw(scene, *walk[120:140])
+    # Trails and previews are drawn with each point, and see-through changes the robot.
+    assert drawn() == set(LAYERS) - {"trails", "preview", "see_through"}
+
+
+def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():
+    assert all(layer.meaning for layer in LAYERS.values())
+    colours = [layer.colour for name, layer in LAYERS.items() if layer.colour and name != "velocity"]
+    assert len(set(colours)) == len(colours)
+
+
+def test_footprints_are_where_feet_stood(scene, walk):
+    stood: list[list[float]] = []
+    for snapshot in walk:
+        draw(scene, snapshot)
+        stood += [foot.position.tolist() for foot in snapshot.feet.values() if foot.height == 0.0]
+    visible, at = latest(scene.updates, "visible"), latest(scene.updates, "position")
+    prints = [name for name, is_visible in visible.items() if "/footprints/" in name and is_visible]
+    assert len(prints) == 2 * PRINTS_PER_FOOT
+    for name in prints:
+        assert np.min(np.linalg.norm(np.array(stood) - at[name][:2], axis=1)) < 1e-4
+    assert len({at[name][:2] for name in prints}) == len(prints)
+    draw(scene, walk[0])  # reset
+    visible = latest(scene.updates, "visible")
+    assert [name for name in prints if visible[name]] == [f"{WORLD}/footprints/{side}_0" for side in ("left", "right")]
+
+
+def test_footprints_and_trails_hold_what_happened_while_they_were_hidden(scene, walk):
+    scene.show("footprints", False)
+    draw(scene, *walk)
+    for layer in ("footprints", "trails"):
+        scene.show(layer, True)
+    draw(scene, walk[-1], walk[-1], walk[-1])
+    visible = latest(scene.updates, "visible")
+    assert sum(visible[name] for name in visible if "/footprints/" in name) == 2 * PRINTS_PER_FOOT
+    trail = latest(scene.updates, "points")[f"{WORLD}/com/at_com/trail"]
+    assert trail.shape == (TRAIL_POINTS - 1, 2, 3)
+    assert np.hypot(*trail[0, 0, :2]) > 0.3  # two seconds ago
+
+
+def test_lines_start_at_the_point_and_follow_the_plan(scene, walk):
+    for layer in LAYERS:
+        scene.show(layer, True)
+    snapshot = walk[200]
+    draw(scene, snapshot, snapshot, snapshot)
+    points, com = latest(scene.updates, "points"), snapshot.com.position
+    for layer, now, later in (("com", com, snapshot.plan.com), ("capture_point", snapshot.dcm, snapshot.plan.dcm)):
+        line = points[f"{WORLD}/{layer}/at_com/preview"][:, :, :2]
+        assert line[:, 0] == pytest.approx(np.vstack([now, later[:-1]]) - com, abs=1e-4)
+        assert line[:, 1] == pytest.approx(later - com, abs=1e-4)
+
+
+@pytest.mark.parametrize("is_double_support", [False, True])
+def test_support_polygon_is_the_hull_of_the_soles_on_the_ground_and_margin_lies_inside(scene, walk, is_double_support):
+    scene.show("margin", True)
+    snapshot = next(each for each in walk[50:] if each.stance.is_double_support is is_double_support)
+    draw(scene, snapshot)
+    visible, at = latest(scene.updates, "visible"), latest(scene.updates, "position")
+    turned, vertices = latest(scene.updates, "wxyz"), latest(scene.updates, "vertices")
+
+    def drawn(layer: str) -> Polygon:
+        (name,) = (name for name in visible if name.startswith(f"{WORLD}/{layer}/") and visible[name])
+        w, x, y, z = turned[name]
+        rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:2, :2]
+        return Polygon(at[name][:2] + vertices[f"{name}/fill"][:, :2] @ rotation.T)
+
+    soles = []
+    for side in Side if is_double_support else [snapshot.support.side]:
+        foot = snapshot.feet[side]
+        c, s = np.cos(foot.yaw), np.sin(foot.yaw)
+        soles.append(foot.position + sole_outline(load_robot("hrp2"), side) @ np.array([[c, s], [-s, c]]))
+    hull, support, inner = Polygon(np.vstack(soles)).convex_hull, drawn("support"), drawn("margin")
+    assert support.symmetric_difference(hull).area < 1e-4
+    assert inner.area > 0.0 and inner.buffer(Parameters().cop_margin - 1e-3).within(support.buffer(1e-4))
+
+
+def test_last_push_is_drawn_for_a_moment_and_an_older_one_never(scene):
+    simulation = Simulation(load_robot("hrp2"), Parameters())
+    arrow, push = f"{WORLD}/push/at_com/last", Push([-3.0, 7.0], 0.03, "world")
+
+    def steps(nb_ticks: int, push: Push | None = None) -> Any:
+        simulation.step(Command(REFERENCE, push))
+        return [simulation.step(Command(REFERENCE)) for _ in range(nb_ticks)][-1]
+
+    steps(1003)
+    steps(100, push)
+    for _ in range(20):
+        draw(scene, steps(FRAME))
+        assert latest(scene.updates, "visible")[arrow] is False  # given before the first frame
+    pushed = steps(FRAME, push)
+    draw(scene, pushed)
+    expected = arrow_away(-push.impulse, 1.35 * pushed.com_height)[:, ::-1]
+    assert latest(scene.updates, "points")[arrow] == pytest.approx(expected)
+    for _ in range(round(SECONDS_SHOWN / FRAME_TIME) - 1):
+        assert latest(scene.updates, "visible")[arrow] is True
+        draw(scene, pushed)
+    draw(scene, pushed, pushed)
+    assert latest(scene.updates, "visible")[arrow] is False
+
+
+@pytest.mark.parametrize(
+    ("impulse", "effect"),
+    [([0.0, 10.0], "stands"), ([15.0, 0.0], "steps"), ([25.0, 0.0], "fall")],
+    ids=["light", "harder", "hopeless"],
+)
+def test_preview_of_a_push_on_a_standing_robot_shows_its_effect(scene, impulse, effect):
+    robot = load_robot("hrp2")
+    simulation = Simulation(robot, Parameters())
+    now, command = simulation.step(), Command(push=Push(impulse))
+    after = simulation.preview(command)
+    draw(scene, now, aim=Aim(np.array(impulse), after))
+    assert latest(scene.updates, "text")[f"{WORLD}/push/preview/at_com/label"].endswith(effect)
+    visible = latest(scene.updates, "visible")
+    assert any(visible[name] for name in visible if "/steps/" in name) is bool(after.plan.footholds)
+    capture_point = latest(scene.updates, "position")[f"{WORLD}/push/preview/capture_point"][:2]
+    jump = np.array(impulse) / robot.mass / now.pendulum.omega
+    assert capture_point == pytest.approx(now.com.position + jump, abs=1e-4)
+
+    came = [simulation.step(command), *(simulation.step() for _ in range(400))]
+    assert (effect == "fall") is (came[-1].status is Status.FALLEN)
+    assert (effect == "stands") is all(snapshot.phase is Phase.STANDING for snapshot in came)
+
+
+def test_active_bounds_are_lines_and_a_plan_without_any_has_none(scene, walk):
+    scene.show("active", True)
+    lines = f"{WORLD}/active/at_com/lines"
+    nb_drawn = 0
+    for snapshot in walk[::10]:
+        draw(scene, snapshot, snapshot, snapshot)
+        if latest(scene.updates, "visible")[lines]:
+            nb_drawn += 1
+            assert latest(scene.updates, "points")[lines].shape[1:] == (2, 3)
+    assert nb_drawn > 10
+    still = Parameters(alpha=1e3, cop_margin=0.0)
+    snapshot = Simulation(load_robot("hrp2"), still).step()  # standing in the middle of both feet
+    draw(scene, snapshot, snapshot, snapshot)
+    assert latest(scene.updates, "visible")[lines] is False
+
+
+def shell(side: float) -> trimesh.Trimesh:
+    """A box without its lid."""
+    box = trimesh.creation.box((side, side, side))
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    return box
+
+
+def test_small_openings_of_a_shell_are_closed_and_large_ones_left():
+    assert not shell(0.09).is_watertight
+    mesh = closed(shell(0.09))
+    assert mesh.is_watertight and mesh.volume == pytest.approx(0.09**3)
+    assert not closed(shell(0.5)).is_watertight
+
+
+def test_quantised_part_is_the_part():
+    part = BodyPart(
+        1,
+        (0, 0, 0),
+        np.random.default_rng(0).uniform(-0.4, 0.6, (500, 3)).astype(np.float32),
+        np.zeros((7, 3), np.uint32),
+    )
+    vertices, faces, step = part.quantised()
+    assert vertices.dtype == np.int16 and faces.dtype == np.uint16
+    assert vertices * step == pytest.approx(part.vertices, abs=2e-5)

@@ -1,0 +1,220 @@
+"""What `app/viewer/transport/viser_private.py` expects of viser's inside: a new viser that changed it is named here."""
+
+import ast
+import dataclasses
+import inspect
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from scene_reader import decoded
+from viser import _messages
+from websockets.sync.client import connect
+
+from app.viewer.transport import viser_private
+from app.viewer.transport.broadcaster import Encoder
+from app.viewer.transport.scene_updates import SceneUpdates
+
+VIEWER = Path(viser_private.__file__).parent.parent
+PATIENCE = 20.0  # [s]
+
+
+def changed(what: str) -> str:
+    return f"viser {viser.__version__} changed {what}: adapt app/viewer/transport/viser_private.py"
+
+
+def fields(kind: str) -> list[str]:
+    message = getattr(_messages, kind, None)
+    assert message is not None, changed(f"its messages: there is no {kind}")
+    return [field.name for field in dataclasses.fields(message)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    {
+        "SetPositionMessage": ["name", "position"],
+        "SetOrientationMessage": ["name", "wxyz"],
+        "SetSceneNodeVisibilityMessage": ["name", "visible"],
+        "SceneNodeUpdateMessage": ["name", "updates"],
+        "GuiUpdateMessage": ["uuid", "updates"],
+        "MeshMessage": ["name", "props"],
+        "ShareUrlRequest": [],
+    }.items(),
+)
+def test_messages_have_the_fields_that_are_sent(kind, expected):
+    assert set(expected) <= set(fields(kind)), changed(f"the fields of {kind}, which are now {fields(kind)}")
+
+
+def test_meshes_have_the_properties_that_are_sent():
+    expected = {"vertices", "faces", "color", "wireframe", "opacity", "flat_shading", "side", "material", "scale"}
+    found = set(fields("MeshProps"))
+    assert found == expected | {"cast_shadow", "receive_shadow"}, changed(f"MeshProps to {sorted(found)}")
+
+
+def test_mesh_handles_are_made_from_messages():
+    make: Any = getattr(viser.MeshHandle, "_make", None)
+    assert make is not None, changed("MeshHandle: there is no _make")
+    names = list(inspect.signature(make).parameters)
+    assert names[:6] == ["api", "message", "name", "wxyz", "position", "visible"], changed(f"MeshHandle._make: {names}")
+
+
+def test_client_page_is_where_it_was():
+    assert viser_private.CLIENT_PAGE.is_file(), changed("the place of its client's page")
+    assert b"<title>Viser</title>" in viser_private.CLIENT_PAGE.read_bytes(), changed("the title of its client's page")
+
+
+def test_server_has_the_attributes_that_are_read(viser_server):
+    inside: Any = getattr(viser_server, "_websock_server", None)
+    assert inside is not None, changed("ViserServer: there is no _websock_server")
+    for name, kind in (("_live_connections", dict), ("_incoming_handlers", dict)):
+        assert isinstance(getattr(inside, name, None), kind), changed(
+            f"its WebsockServer: {name} is no {kind.__name__}"
+        )
+    buffer = getattr(inside, "_broadcast_buffer", None)
+    for name, kind in (("generator_cursors", dict), ("message_counter", int)):
+        assert isinstance(getattr(buffer, name, None), kind), changed(
+            f"its message buffer: {name} is no {kind.__name__}"
+        )
+
+
+def test_no_client_can_open_a_tunnel(viser_server):
+    handlers = viser_server._websock_server._incoming_handlers
+    assert _messages.ShareUrlRequest in handlers, changed("the handler of ShareUrlRequest")
+    viser_private.refuse_tunnels(viser_server)
+    assert _messages.ShareUrlRequest not in handlers, changed("unregister_handler")
+
+
+def test_controls_have_an_id(viser_server):
+    table = viser_server.gui.add_html("")
+    assert viser_private.control_id(table) == table._impl.uuid, changed("the id of controls")
+
+
+class Browser:
+    """Client of a viser server that reads its messages."""
+
+    def __init__(self, server: viser.ViserServer, path: str = "/") -> None:
+        protocol: Any = f"viser-v{viser.__version__}"
+        address = f"ws://127.0.0.1:{server.get_port()}{path}"
+        self._socket = connect(address, subprotocols=[protocol], compression=None, max_size=None)
+        self.messages: list[dict[str, Any]] = []
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def read_until(self, kind: str) -> dict[str, Any]:
+        while True:
+            for message in self.messages:
+                if message["type"] == kind:
+                    return message
+            batch: Any = self._socket.recv(timeout=PATIENCE)
+            self.messages = decoded(batch)
+
+
+def test_a_client_is_known_by_its_path_and_has_the_whole_scene_after_the_end_of_the_replay(viser_server):
+    for k in range(300):  # more than one window of messages
+        viser_server.scene.add_frame(f"/frame_{k}")
+    with Browser(viser_server, "/light?client=mine") as browser:
+        browser.read_until("ReplayDoneMessage")
+        ((client, connection),) = viser_private.connections(viser_server).items()
+        assert viser_private.requested_path(viser_server, client) == "/light?client=mine", changed("requests")
+        assert connection.transport.get_write_buffer_size() == 0, changed("the connections of clients")
+        assert viser_private.has_whole_scene(viser_server, client), changed("generator_cursors or message_counter")
+    end = time.monotonic() + PATIENCE
+    while viser_private.connections(viser_server):
+        assert time.monotonic() < end, changed("_live_connections: clients that are gone stay")
+        time.sleep(0.02)
+    assert viser_private.requested_path(viser_server, client) == ""
+    assert not viser_private.has_whole_scene(viser_server, client), changed("generator_cursors: they stay")
+
+
+CHANGES: dict[str, tuple[str, Any]] = {
+    "SetPositionMessage": ("position", (1.0, 2.0, 3.0)),
+    "SetOrientationMessage": ("wxyz", (0.0, 1.0, 0.0, 0.0)),
+    "SetSceneNodeVisibilityMessage": ("visible", False),
+    "SceneNodeUpdateMessage": ("points", np.ones((2, 2, 3), dtype=np.float32)),
+}
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+def test_messages_are_encoded_as_viser_encodes_them(viser_server, kind):
+    lines = viser_server.scene.add_line_segments("/lines", np.zeros((2, 2, 3)), (0, 0, 0))
+    field, value = CHANGES[kind]
+    updates = SceneUpdates()
+    match kind:
+        case "SetPositionMessage":
+            updates.position("/lines", value)
+        case "SetOrientationMessage":
+            updates.orientation("/lines", value)
+        case "SetSceneNodeVisibilityMessage":
+            updates.visible("/lines", value)
+        case _:
+            updates.properties("/lines", **{field: value})
+    with Browser(viser_server) as browser:
+        browser.read_until("ReplayDoneMessage")
+        browser.messages = []
+        setattr(lines, field, value)
+        theirs = browser.read_until(kind)
+    (ours,) = decoded(Encoder().encode(updates.changes(0)))
+    assert plain(ours) == plain(theirs), changed(f"{kind} or the bytes of a batch")
+
+
+def test_controls_are_updated_as_viser_updates_them(viser_server):
+    table, updates = viser_server.gui.add_html(""), SceneUpdates()
+    updates.control(table, content="new")
+    with Browser(viser_server) as browser:
+        browser.read_until("ReplayDoneMessage")
+        browser.messages = []
+        table.content = "new"
+        theirs = browser.read_until("GuiUpdateMessage")
+    (ours,) = decoded(Encoder().encode(updates.changes(0)))
+    assert plain(ours) == plain(theirs), changed("GuiUpdateMessage")
+
+
+def plain(value: Any) -> Any:
+    """Arrays as lists, to compare them."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def test_quantised_mesh_is_the_mesh_of_the_public_way(viser_server):
+    vertices, faces = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0]], dtype=np.int16), np.array([[0, 1, 2]], np.uint16)
+    look: dict[str, Any] = {"color": (1, 2, 3), "opacity": 0.5, "side": "double", "cast_shadow": True}
+    look["receive_shadow"] = False
+    viser_private.add_mesh(viser_server.scene, "/ours", vertices, faces, 0.25, **look)
+    viser_server.scene.add_mesh_simple("/theirs", 0.25 * vertices, faces, **look)
+    with Browser(viser_server) as browser:
+        browser.read_until("ReplayDoneMessage")
+        ours, theirs = (
+            next(m for m in browser.messages if m.get("name") == name and m["type"] == "MeshMessage")["props"]
+            for name in ("/ours", "/theirs")
+        )
+    assert ours["vertices"].reshape(-1, 3) * ours["scale"] == pytest.approx(theirs["vertices"].reshape(-1, 3))
+    assert ours["faces"].tolist() == theirs["faces"].tolist()
+    assert ours["vertices"].dtype == np.int16, changed("the types of vertices that it sends")
+    others = set(ours) - {"vertices", "faces", "scale"}
+    assert {key: ours[key] for key in others} == {key: theirs[key] for key in others}, changed("add_mesh_simple")
+
+
+def private_names(path: Path) -> set[str]:
+    """Names with an underscore in front that a file takes from other objects or modules."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.startswith("__"):
+            if not (isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")):
+                found.add(node.attr)
+        elif isinstance(node, ast.ImportFrom):
+            parts = [*str(node.module).split("."), *(alias.name for alias in node.names)]
+            found |= {part for part in parts if part.startswith("_")}
+    return found
+
+
+def test_only_one_module_uses_private_names_of_viser():
+    using = {path.name for path in VIEWER.rglob("*.py") if private_names(path)}
+    assert using == {"viser_private.py"}
