@@ -1,7 +1,7 @@
 // A gamepad, polled: any that is plugged in, at any time. Sticks drive, buttons push, stop and pause.
 
 const PERIOD = 33; // ms
-const TOUCHED = 0.5; // of the travel of a stick, when an axis is being learnt
+const MOVED = 0.5; // of the travel of a stick, by which an axis is recognised
 const KEY = "walk.gamepad";
 
 export const AXES = { forward: "forward", left: "to the left", turn: "turn left" };
@@ -16,7 +16,7 @@ export const DEFAULTS = {
   pause: 9,
 };
 
-/** Why there can be no gamepad; empty where there can. */
+/** Reason why there can be no gamepad here; empty where there can. */
 export const obstacle =
   !window.isSecureContext
     ? `Browsers give gamepads only to pages from https or from this very machine. Open the page as http://localhost:${location.port || 80} on the machine that serves it, or put https in front.`
@@ -34,7 +34,7 @@ export class Gamepads {
     if (!obstacle) setInterval(() => this.poll(), PERIOD);
   }
 
-  /** The pad that is listened to: the first one there. */
+  /** The first pad that is connected. */
   get pad() {
     return obstacle ? null : (navigator.getGamepads().find((pad) => pad?.connected) ?? null);
   }
@@ -67,7 +67,7 @@ export class Gamepads {
     this.onPlug(pad);
   }
 
-  /** What the sticks ask for: nothing within the dead zone, and from its edge on as much as is left of the travel. */
+  /** Axes as fractions of the limits: zero within the dead zone, and from its edge on the share of the remaining travel. */
   read(pad) {
     const value = ({ axis, sign }) => sign * (pad.axes[axis] ?? 0);
     const { forward, left, turn, deadzone } = this.settings;
@@ -81,11 +81,11 @@ export class Gamepads {
   }
 }
 
-/** The axis that has left its rest, and which way; null while none has. */
+/** Axis that has moved most from its rest, with its sign; null while none has moved far. */
 export function movedAxis(pad, rest) {
   const moves = pad.axes.map((value, axis) => value - (rest[axis] ?? 0));
   const axis = moves.reduce((most, move, i) => (Math.abs(move) > Math.abs(moves[most]) ? i : most), 0);
-  return Math.abs(moves[axis] ?? 0) < TOUCHED ? null : { axis, sign: Math.sign(moves[axis]) };
+  return Math.abs(moves[axis] ?? 0) < MOVED ? null : { axis, sign: Math.sign(moves[axis]) };
 }
 
 function beyond(deadzone, x, y) {
@@ -99,7 +99,7 @@ function stored() {
   try {
     return JSON.parse(localStorage.getItem(KEY)) ?? {};
   } catch {
-    return {}; // somebody else wrote there
+    return {}; // not written by this page
   }
 }
 

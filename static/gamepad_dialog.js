@@ -1,7 +1,7 @@
-// The gamepad's sheet: whether one is there, what it sends, and which stick or button does what.
+// Dialog of the gamepad: whether one is connected, what it sends, and which stick or button does what.
 
 import { AXES, BUTTONS, DEFAULTS, movedAxis, obstacle } from "./gamepad.js";
-import { openSheet } from "./sheets.js";
+import { openDialog } from "./dialogs.js";
 
 const NONE = "No gamepad yet. Plug one in and press one of its buttons: browsers show it only then.";
 const element = (id) => document.getElementById(id);
@@ -22,7 +22,7 @@ export class GamepadDialog {
 
   open() {
     this.gamepads.isSuspended = true;
-    openSheet(this.dialog);
+    openDialog(this.dialog);
     this.plugged(this.gamepads.pad);
     this.frames = setInterval(() => this.draw(), 50);
   }
@@ -33,7 +33,7 @@ export class GamepadDialog {
     this.gamepads.isSuspended = false;
   }
 
-  /** Tell on the page whether there is a pad. */
+  /** Show on the page whether there is a pad. */
   plugged(pad) {
     this.button.dataset.state = pad ? "connected" : obstacle ? "impossible" : "none";
     this.button.title = pad ? `Gamepad: ${pad.id}` : obstacle ? "Gamepad: not from this address" : "Gamepad: none connected";
@@ -54,7 +54,7 @@ export class GamepadDialog {
     this.rows[action] = button;
   }
 
-  /** Bars and dots, as many as the pad has. */
+  /** Show as many bars and dots as the pad has axes and buttons. */
   lay(pad) {
     const meters = pad.axes.map((_, i) => `<label>${i}<meter min="-1" max="1" aria-label="Axis ${i}"></meter></label>`);
     element("gamepad-axes").innerHTML = meters.join("");

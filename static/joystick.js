@@ -1,6 +1,6 @@
-// A knob that follows mouse or finger within its base and springs back: two axes, or one for turning.
+// Joystick: a knob that follows mouse or finger within its base and springs back; two axes, or one for turning.
 
-const DEAD = 0.06; // of the travel
+const DEAD_ZONE = 0.06; // of the travel
 
 export class Joystick {
   /**
@@ -10,7 +10,7 @@ export class Joystick {
    */
   constructor(base, { isOneAxis = false, onChange }) {
     Object.assign(this, { base, isOneAxis, onChange, pointer: null });
-    base.addEventListener("pointerdown", (event) => this.take(event));
+    base.addEventListener("pointerdown", (event) => this.press(event));
     base.addEventListener("pointermove", (event) => this.follow(event));
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
       base.addEventListener(type, (event) => event.pointerId === this.pointer && this.release());
@@ -18,7 +18,7 @@ export class Joystick {
     base.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  take(event) {
+  press(event) {
     if (this.pointer !== null || event.button !== 0 || this.base.ariaDisabled === "true") return;
     this.pointer = event.pointerId;
     this.base.setPointerCapture(event.pointerId);
@@ -36,7 +36,7 @@ export class Joystick {
     const length = Math.hypot(x, y);
     if (length > 1) [x, y] = [x / length, y / length];
     this.place(x * travel, -y * travel);
-    this.onChange(...(length < DEAD ? [0, 0] : [x, y]));
+    this.onChange(...(length < DEAD_ZONE ? [0, 0] : [x, y]));
   }
 
   release() {

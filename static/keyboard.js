@@ -1,6 +1,6 @@
-// Keys that drive while they are held. They are caught before the scene, whose own are WASD, QE and the arrows.
+// Keys that drive while they are held. They are caught before the scene, which has WASD, QE and the arrows for its camera.
 
-import { isSheetOpen } from "./sheets.js";
+import { isDialogOpen } from "./dialogs.js";
 
 const AXES = {
   KeyI: ["forward", 1],
@@ -22,7 +22,7 @@ export class Keyboard {
     this.attach(window);
   }
 
-  /** Listen to a window: this page's, and the scene's each time it has loaded. */
+  /** Listen to a window: the page's, and the scene's each time it has loaded. */
   attach(target) {
     target.addEventListener("keydown", (event) => this.down(event), { capture: true });
     target.addEventListener("keyup", (event) => this.up(event), { capture: true });
@@ -31,7 +31,7 @@ export class Keyboard {
   }
 
   down(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target) || isSheetOpen()) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target) || isDialogOpen()) return;
     if (event.code === "Space" && event.target.matches?.("button:focus-visible, a, summary")) return;
     if (event.code in AXES) {
       if (!event.repeat || !this.held.has(event.code)) {

@@ -1,51 +1,52 @@
-// Wires the page together: what a person does goes to the server, what the robot does comes back to the page.
+// Wiring of the page: input goes to the server, the state of the robot comes back.
 
+import { openDialog } from "./dialogs.js";
+import { DriverDisplay } from "./driver.js";
 import { GamepadDialog } from "./gamepad_dialog.js";
 import { Gamepads } from "./gamepad.js";
-import { Helm } from "./helm.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
-import { Live } from "./live.js";
-import { chooseLook, chosenLook } from "./look.js";
 import { notify } from "./notices.js";
-import { PushReport } from "./push_report.js";
-import { RandomPushes } from "./random_pushes.js";
-import { Unreachable, ask } from "./rest.js";
+import { PushDial, PushReport, RandomPushes } from "./push.js";
+import { ReconnectingSocket } from "./reconnecting_socket.js";
+import { chooseQuality, chosenQuality } from "./render_quality.js";
+import { UnreachableError, request } from "./requests.js";
 import { Scene } from "./scene.js";
-import { copyLink, offerLink, save } from "./session.js";
-import { openSheet } from "./sheets.js";
-import { Shove } from "./shove.js";
+import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
 import { Teleop } from "./teleop.js";
-import { Transport } from "./transport.js";
+import { TimeControls } from "./time_controls.js";
 
 const element = (id) => document.getElementById(id);
 const status = new Status();
 
-// What the server refuses is told in words; that it is away is told by the strip.
-function tell(error) {
-  if (error instanceof Unreachable) status.lost();
+/** Show an error: a refusal as a notice, a lost server in the strip. */
+function showError(error) {
+  if (error instanceof UnreachableError) status.lost();
   else notify(error.message, { level: "bad" });
 }
-const wish = (method, path, body) => ask(method, path, body).catch(tell);
+const requestAndShow = (method, path, body) => request(method, path, body).catch(showError);
 
-const teleop = new Teleop({ onRefusal: (text) => notify(text, { level: "bad" }), onUse: () => helm.used() });
-const helm = new Helm(teleop);
+const teleop = new Teleop({
+  onRefusal: (text) => notify(text, { level: "bad" }),
+  onEngage: () => driver.dismissHint(),
+});
+const driver = new DriverDisplay(teleop);
 const pushReport = new PushReport();
-const transport = new Transport({ wish });
-const randomPushes = new RandomPushes({ wish });
-const shove = new Shove({
+const time = new TimeControls({ request: requestAndShow });
+const randomPushes = new RandomPushes({ request: requestAndShow });
+const dial = new PushDial({
   onPush: (impulse) => {
-    pushReport.used();
+    pushReport.dismissHint();
     teleop.push(impulse);
   },
 });
 
 const actions = {
   zero: () => teleop.zero(),
-  push: () => shove.push(),
-  pause: () => transport.toggle(),
-  help: () => openSheet(element("help-dialog")),
+  push: () => dial.push(),
+  pause: () => time.toggle(),
+  help: () => openDialog(element("help-dialog")),
 };
 const press = (action) => actions[action]();
 
@@ -67,32 +68,33 @@ const scene = new Scene({ client: teleop.client, onLoad: (inner) => keyboard.att
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest)], ["save", save]]) {
+for (const [id, act] of [["share", () => copyLink(latest)], ["save", saveRecording]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
-    await act().catch(tell);
+    await act().catch(showError);
     button.disabled = false;
   });
 }
-element("look").value = chosenLook();
-element("look").addEventListener("change", (event) => {
-  chooseLook(event.target.value);
-  scene.relook();
+element("quality").value = chosenQuality();
+element("quality").addEventListener("change", (event) => {
+  chooseQuality(event.target.value);
+  scene.updateQuality();
 });
 
-// A page that is not seen holds nothing: its hand may be gone.
+// A page that is not visible releases its controls: nobody may be there.
 document.addEventListener("visibilitychange", () => {
   if (!document.hidden) return;
   for (const control of [stick, ring, keyboard]) control.release();
   teleop.release();
 });
 
-async function learnLimits() {
-  const [health, robots] = await Promise.all([ask("GET", "health"), ask("GET", "robots")]);
+/** Ask for the robot that walks, and set its limits on all controls. */
+async function loadLimits() {
+  const [health, robots] = await Promise.all([request("GET", "health"), request("GET", "robots")]);
   const { name, limits } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
-  teleop.learn(limits);
-  shove.limit(limits.push);
+  teleop.setLimits(limits);
+  dial.setLimit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];
   element("turn").ariaDisabled = String(!canTurn);
   element("turn").title = canTurn ? "Drag to turn (J, L)" : "This robot does not turn yet";
@@ -101,16 +103,16 @@ async function learnLimits() {
 
 let latest = {};
 let wasLost = false;
-new Live("/api/v1/live/stream?rate=10", {
-  silence: 5000,
+new ReconnectingSocket("/api/v1/live/stream?rate=10", {
+  timeout: 5000,
   onOpen: () => {
-    learnLimits().catch(tell);
+    loadLimits().catch(showError);
     if (wasLost) scene.load(); // viser's own client gives up while its frame has no focus
     wasLost = false;
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, helm, transport, pushReport, randomPushes]) part.show(live);
+    for (const part of [status, driver, time, pushReport, randomPushes]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

@@ -1,4 +1,4 @@
-// Short messages at the edge of the page, which leave by themselves.
+// Short messages at the edge of the page, which disappear by themselves.
 
 const SHOWN_FOR = 7000; // ms
 const WITH_BUTTONS_FOR = 30000; // ms

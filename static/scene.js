@@ -1,6 +1,6 @@
-// The frame that holds the viser scene: its colours, its camera, its panel, its look, and its way back after a loss.
+// Frame with the viser scene: its colours, camera, panel and render quality, and its reload after a lost connection.
 
-import { chosenLook, suitableLook, watchFrames } from "./look.js";
+import { chosenQuality, suitableQuality, watchFrameRate } from "./render_quality.js";
 import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -11,23 +11,23 @@ const VIEWS = {
   low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
 };
 const ICONS = ["Commands", "Settings of the view"]; // in the head of viser's panel
-const LIGHT_PIXELS = 0.6; // of the screen's own, along each side
+const LIGHT_PIXEL_RATIO = 0.6; // of the screen's own, along each side
 
 export class Scene {
-  /** @param {{client: string, onLoad: (window: Window) => void}} options: whose page, and what to call each time the frame has loaded */
+  /** @param {{client: string, onLoad: (window: Window) => void}} options: id of this page, and what to call each time the frame has loaded */
   constructor({ client, onLoad }) {
     this.client = client;
     this.frame = document.getElementById("viewer");
     this.toggle = document.getElementById("panel");
     this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
-    this.look = suitableLook();
+    this.quality = suitableQuality();
     this.stopWatching = () => {};
     this.frame.addEventListener("load", () => {
-      this.dress();
-      this.makeRoom();
+      this.addStyle();
+      this.watchSize();
       nameControls(this.frame.contentWindow);
       keepArrows(this.frame.contentDocument);
-      letGoOnBlur(this.frame.contentWindow);
+      cancelDragOnBlur(this.frame.contentWindow);
       this.watch();
       onLoad(this.frame.contentWindow);
     });
@@ -39,37 +39,37 @@ export class Scene {
   load() {
     const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
     const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
-    const isLight = this.look === "light";
+    const isLight = this.quality === "light";
     const socket = `${location.origin.replace("http", "ws")}/viewer${isLight ? "/light" : ""}`;
     query.set("websocket", `${socket}?client=${this.client}`);
     if (dark.matches) query.set("darkMode", "");
-    if (isLight) query.set("fixedDpr", LIGHT_PIXELS);
-    this.frame.dataset.look = this.look;
+    if (isLight) query.set("fixedDpr", LIGHT_PIXEL_RATIO);
+    this.frame.dataset.quality = this.quality;
     document.body.classList.toggle("is-light", isLight);
     this.frame.src = `/viewer/?${query}`;
   }
 
-  /** Draw as the choice or the machine asks. */
-  relook() {
-    const look = suitableLook();
-    if (look === this.look) return;
-    this.look = look;
+  /** Draw in the quality that is chosen, or that suits the machine. */
+  updateQuality() {
+    const quality = suitableQuality();
+    if (quality === this.quality) return;
+    this.quality = quality;
     this.load();
   }
 
-  /** A frame that stays slow is loaded anew with less to draw, unless its look was chosen by hand. */
+  /** Reload a frame that stays slow with less to draw, unless a person chose its quality. */
   watch() {
     this.stopWatching();
-    if (this.look === "light" || chosenLook() !== "auto") return;
-    this.stopWatching = watchFrames(this.frame.contentWindow, () => {
-      this.look = "light";
+    if (this.quality === "light" || chosenQuality() !== "auto") return;
+    this.stopWatching = watchFrameRate(this.frame.contentWindow, () => {
+      this.quality = "light";
       this.load();
       notify("The scene was slow here, so it draws less now. Help has the choice.");
     });
   }
 
-  /** Our ground below the scene, and viser's panel out of the way of the page's own controls. */
-  dress() {
+  /** Add the page's style: a background, and viser's panel out of the way of the page's own controls. */
+  addStyle() {
     const link = this.frame.contentDocument.createElement("link");
     link.rel = "stylesheet";
     link.href = "/static/viewer.css";
@@ -77,8 +77,8 @@ export class Scene {
     this.showPanel(this.hasPanel);
   }
 
-  /** The page's own controls keep to the scene, which viser makes smaller where its panel is. */
-  makeRoom() {
+  /** Keep the page's own controls within the scene, which viser makes smaller where its panel is. */
+  watchSize() {
     const { contentDocument: inner, contentWindow: window } = this.frame;
     const sizes = new window.ResizeObserver(([{ target }]) => {
       const { right, bottom } = target.getBoundingClientRect();
@@ -102,7 +102,7 @@ export class Scene {
   }
 }
 
-/** viser's sliders and icons have no names of their own: those of a row get its label's. */
+/** Name viser's sliders and icons for assistive tools: those of a row get the name of its label. */
 function nameControls({ document, MutationObserver }) {
   const name = () => {
     for (const label of document.querySelectorAll("p > label")) {
@@ -114,23 +114,23 @@ function nameControls({ document, MutationObserver }) {
   new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
 }
 
-/** The arrow keys of a slider are for viser those of the camera, too. */
+/** Keep the arrow keys of a slider from moving viser's camera, too. */
 function keepArrows(document) {
   document.body.addEventListener("keydown", (event) => {
     if (event.key.startsWith("Arrow") && event.target.matches("[role=slider], input")) event.stopPropagation();
   });
 }
 
-/** A window that loses the focus is for viser a hand that lets go, which would push the robot: Escape comes first. */
-function letGoOnBlur(inner) {
+/** Cancel a drag by Escape when the window loses the focus: for viser it would end there, and push the robot. */
+function cancelDragOnBlur(inner) {
   const Escape = { key: "Escape", code: "Escape", bubbles: true };
   let isDown = false;
   for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
     inner.addEventListener(type, () => (isDown = type === "pointerdown"), { capture: true });
   }
-  const letGo = ({ target }) => {
-    if (!isDown || target !== inner) return; // a control that loses the focus is none of ours
+  const cancel = ({ target }) => {
+    if (!isDown || target !== inner) return; // a control lost the focus, not the window
     inner.document.body.dispatchEvent(new inner.KeyboardEvent("keydown", Escape));
   };
-  inner.addEventListener("blur", letGo, { capture: true });
+  inner.addEventListener("blur", cancel, { capture: true });
 }

@@ -1,9 +1,9 @@
-// The strip: speed asked and reached, timing, phase, and what is wrong when something is.
+// Status strip: reference and measured speed, timing, phase, and what is wrong when something is.
 
 const MEAN_OVER = 1.6; // s, two steps: the CoM sways within them
-const STILL = 0.02; // m/s
-const SHOWN_FOR = 1200; // ms at least: a solve or two at the limit would only flicker
-const KEEPS_UP = 0.93; // of the speed chosen
+const MIN_SPEED = 0.02; // m/s
+const LIMIT_SHOWN_FOR = 1200; // ms at least: a solve or two at the limit would only flicker
+const MIN_REAL_TIME_FACTOR = 0.93; // of the chosen speed
 const SIDES = ["left", "right"];
 
 const text = (id, value) => {
@@ -14,35 +14,35 @@ const text = (id, value) => {
 export class Status {
   constructor() {
     this.strip = document.querySelector(".strip");
-    this.pace = document.getElementById("pace");
+    this.rate = document.getElementById("rate");
     this.alarm = document.getElementById("alarm");
     this.history = [];
     this.limitEnds = 0;
   }
 
   show(live) {
-    text("asked", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
+    text("reference", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
     const reached = this.reached(live);
     text("reached", reached === null ? "–" : (Math.round(100 * reached) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
     text("phase", phase(live));
     text("tick", live.timing.tick_ms.toFixed(1));
     text("time", clock(live.t));
     text("real-time", live.real_t === undefined ? "" : ` of ${clock(live.real_t)}`);
-    this.showPace(live);
+    this.showRate(live);
     this.judge(live);
   }
 
-  /** The factor is told relative to the speed chosen; shown is simulated over real time. */
-  showPace({ timing, running, speed = 1 }) {
+  /** Show simulated over real time; the server's factor is relative to the chosen speed. */
+  showRate({ timing, running, speed = 1 }) {
     text("factor", (speed * timing.real_time_factor).toFixed(2));
-    this.pace.classList.toggle("slow", running && timing.real_time_factor < KEEPS_UP);
+    this.rate.classList.toggle("slow", running && timing.real_time_factor < MIN_REAL_TIME_FACTOR);
   }
 
-  /** Mean velocity over two steps, along the one asked for where there is one [m/s]; null while too little was seen. */
+  /** Mean velocity over two steps, along the reference where there is one [m/s]; null while too little was seen. */
   reached(live) {
     const { history } = this;
     const gap = history.length ? live.t - history.at(-1).t : 0;
-    if (gap < 0 || gap > MEAN_OVER) history.length = 0; // a reset, or a browser too busy to listen
+    if (gap < 0 || gap > MEAN_OVER) history.length = 0; // a reset, or a browser too busy to read
     history.push({ t: live.t, x: live.com_x, y: live.com_y });
     while (history.length > 2 && live.t - history[1].t >= MEAN_OVER) history.shift();
     const [first, last] = [history[0], history.at(-1)];
@@ -52,9 +52,9 @@ export class Status {
     const heading = (live.left_yaw + live.right_yaw) / 2;
     const forward = x * Math.cos(heading) + y * Math.sin(heading);
     const left = y * Math.cos(heading) - x * Math.sin(heading);
-    const asked = Math.hypot(live.reference_vx, live.reference_vy);
-    if (asked < STILL) return Math.hypot(forward, left);
-    return (forward * live.reference_vx + left * live.reference_vy) / asked;
+    const reference = Math.hypot(live.reference_vx, live.reference_vy);
+    if (reference < MIN_SPEED) return Math.hypot(forward, left);
+    return (forward * live.reference_vx + left * live.reference_vy) / reference;
   }
 
   judge(live) {
@@ -68,7 +68,7 @@ export class Status {
 
   isAtLimit(live) {
     const now = performance.now();
-    if (live.status === 1) this.limitEnds = now + SHOWN_FOR;
+    if (live.status === 1) this.limitEnds = now + LIMIT_SHOWN_FOR;
     return now < this.limitEnds;
   }
 

@@ -1,71 +1,71 @@
-// What joystick, keyboard and gamepad ask for: the one touched last, sent at a steady rate while it is held.
+// Reference from joystick, keyboard or gamepad: the control touched last drives, and is sent at a steady rate while held.
 
-const SIGN_OF_LIFE_PERIOD = 200; // ms
+const HEARTBEAT_PERIOD = 200; // ms
 const REST = { forward: 0, left: 0, turn: 0 };
 
 export class Teleop {
-  /** @param {{onRefusal: (text: string) => void, onUse: () => void}} options */
-  constructor({ onRefusal, onUse }) {
+  /** @param {{onRefusal: (text: string) => void, onEngage: () => void}} options */
+  constructor({ onRefusal, onEngage }) {
     this.limits = { vx: [0, 0], vy: [0, 0], yaw_rate: [0, 0] };
     this.client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
-    this.axes = {}; // of each source
-    this.held = []; // sources, the one touched last at the end
-    this.grip = 0; // grows with each touch: the server gives the robot to the newest
-    this.onUse = onUse;
-    this.sender = new Worker(new URL(`./sender.js?client=${this.client}`, import.meta.url), { type: "module" });
-    this.sender.onmessage = ({ data }) => onRefusal(data);
-    setInterval(() => this.sender.postMessage({}), SIGN_OF_LIFE_PERIOD);
+    this.axes = {}; // by source
+    this.held = []; // sources, the latest at the end
+    this.engagement = 0; // number of the current hold: the server follows the newest one of all pages
+    this.onEngage = onEngage;
+    this.worker = new Worker(new URL(`./teleop_worker.js?client=${this.client}`, import.meta.url), { type: "module" });
+    this.worker.onmessage = ({ data }) => onRefusal(data);
+    setInterval(() => this.worker.postMessage({}), HEARTBEAT_PERIOD);
   }
 
   /**
-   * A source asks for fractions of the limits, each in [-1, 1]; what it does not name it leaves as it is.
-   * An axis that leaves its rest is a touch; a source that was set to zero is heard again from its next touch on.
+   * Set axes of a source as fractions of the limits, each in [-1, 1]; axes that are not named stay as they are.
+   * An axis that leaves zero starts a new engagement; a source that was set to zero is followed again from the next on.
    */
   set(source, axes) {
     const before = this.axes[source] ?? REST;
     const after = { ...before, ...axes };
-    const isTouched = Object.keys(REST).some((axis) => after[axis] && !before[axis]);
+    const isEngaged = Object.keys(REST).some((axis) => after[axis] && !before[axis]);
     const wasHeld = this.held.includes(source);
     this.axes[source] = after;
-    if (!isTouched && !wasHeld) return;
-    if (isTouched) {
-      this.grip += 1;
-      this.onUse();
+    if (!isEngaged && !wasHeld) return;
+    if (isEngaged) {
+      this.engagement += 1;
+      this.onEngage();
     }
-    if (isTouched || !isHeld(after)) this.held = this.held.filter((other) => other !== source);
-    if (isTouched) this.held.push(source);
-    this.tell(source);
+    if (isEngaged || !isHeld(after)) this.held = this.held.filter((other) => other !== source);
+    if (isEngaged) this.held.push(source);
+    this.send(source);
   }
 
-  /** Of the robot that the server walks; a hand may already hold. */
-  learn(limits) {
+  /** Set the limits of the robot; a control may be held already. */
+  setLimits(limits) {
     this.limits = limits;
-    if (this.held.length) this.tell();
+    if (this.held.length) this.send();
   }
 
-  /** Ask the robot to stop, whatever is held. */
+  /** Stop the robot, whatever is held. */
   zero() {
     this.held = [];
-    this.grip += 1;
-    this.tell("button");
+    this.engagement += 1;
+    this.send("button");
   }
 
-  /** Let go of everything: the page can no longer see the hand. */
+  /** Release all controls. */
   release() {
     if (!this.held.length) return;
     const last = this.held.at(-1);
     this.held = [];
-    this.tell(last);
+    this.send(last);
   }
 
-  tell(source) {
+  send(source) {
     const driver = this.held.at(-1) ?? source;
-    const message = { reference: this.reference, driver, grip: this.grip };
-    this.sender.postMessage({ held: this.held.length ? message : null, message });
+    const message = { reference: this.reference, driver, grip: this.engagement };
+    this.worker.postMessage({ held: this.held.length ? message : null, message });
   }
 
   push(impulse) {
-    this.sender.postMessage({ message: { push: { impulse, duration: 0.0, frame: "robot" } } });
+    this.worker.postMessage({ message: { push: { impulse, duration: 0.0, frame: "robot" } } });
   }
 
   get reference() {

@@ -13,9 +13,9 @@ import httpx
 import numpy as np
 import pytest
 from conftest import Server
-from hands import Finger, Mouse, centre
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
+from pointers import Finger, Mouse, centre
 
 DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
@@ -93,14 +93,14 @@ def until_drawn(element: Locator) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("device", "hand", "drag", "direction"),
+    ("device", "pointer_kind", "drag", "direction"),
     [
         (DESKTOP, Mouse, (1, 0), (0, -1)),
         (PHONE, Finger, (0, -1), (1, 0)),
     ],
     ids=["mouse-right", "finger-forward"],
 )
-def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api, device, hand, drag, direction):
+def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api, device, pointer_kind, drag, direction):
     page = visit(**device)
     x, y = centre(page.get_by_test_id("joystick"))
     start = live(api)
@@ -108,7 +108,7 @@ def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api,
     def progress(state: dict) -> float:
         return float(moved([start, state]) @ direction)
 
-    pointer = hand(page)
+    pointer = pointer_kind(page)
     pointer.drag((x, y), (x + 60 * drag[0], y + 60 * drag[1]))
     states = watch(api, 8.0, until=lambda state: progress(state) > 0.3)
     pointer.lift()
@@ -163,7 +163,7 @@ def test_zero_and_pause_buttons(visit, api):
 def test_status_tells_speed_and_tick_time(visit, api):
     status = visit(**DESKTOP).get_by_test_id("status")
     api.put("live/reference", json={"vx": 0.15})
-    expect(status).to_contain_text(re.compile(r"asked\s*0\.15"), timeout=1e3 * PATIENCE)
+    expect(status).to_contain_text(re.compile(r"reference\s*0\.15"), timeout=1e3 * PATIENCE)
     expect(status).to_contain_text(re.compile(r"tick\s*\d+\.\d"))
 
 

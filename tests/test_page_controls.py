@@ -1,4 +1,4 @@
-"""What a person can do on the page, and what it tells; the three-dimensional scene is left out, which costs most."""
+"""Controls and displays of the page; the three-dimensional scene is left out, which costs most."""
 
 import re
 import time
@@ -8,8 +8,8 @@ import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from conftest import Server, start_server
-from hands import Finger, Mouse, centre
 from playwright.sync_api import Browser, Page, Route, expect
+from pointers import Finger, Mouse, centre
 
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
@@ -160,21 +160,21 @@ def test_gamepad_drives_beyond_its_dead_zone_and_pushes_and_pauses(visit, api):
 def test_gamepad_is_tested_and_remapped_and_the_page_remembers_it(visit, api):
     page = visit(before=FAKE_GAMEPAD)
     page.get_by_role("button", name="Gamepad", exact=True).click()
-    sheet = page.locator("#gamepad-dialog")
-    expect(sheet).to_contain_text("Fake pad")
+    dialog = page.locator("#gamepad-dialog")
+    expect(dialog).to_contain_text("Fake pad")
     page.evaluate("pad.axes = [0, 0.75, 0, 0]; pad.buttons[3] = {pressed: true, value: 1}")
-    expect(sheet.get_by_role("meter", name="Axis 1")).to_have_js_property("value", 0.75)
-    expect(sheet.locator("#gamepad-buttons .on")).to_have_text("3")
+    expect(dialog.get_by_role("meter", name="Axis 1")).to_have_js_property("value", 0.75)
+    expect(dialog.locator("#gamepad-buttons .on")).to_have_text("3")
     assert live(api)["driver"] == "none", "the robot listens while the pad is being tested"
     page.evaluate("pad.axes = [0, 0, 0, 0]; pad.buttons[3] = {pressed: false, value: 0}")
-    sheet.get_by_role("button", name="forward: axis 1 −").click()
-    expect(sheet).to_contain_text("move a stick: forward")
+    dialog.get_by_role("button", name="forward: axis 1 −").click()
+    expect(dialog).to_contain_text("move a stick: forward")
     page.evaluate("pad.axes = [0, 0, 0, 0.9]")
-    expect(sheet.get_by_role("button", name="forward: axis 3 +")).to_be_visible()
+    expect(dialog.get_by_role("button", name="forward: axis 3 +")).to_be_visible()
     page.evaluate("pad.axes = [0, 0, 0, 0]")
-    sheet.get_by_role("button", name="zero: button 1").click()
+    dialog.get_by_role("button", name="zero: button 1").click()
     page.evaluate("pad.buttons[5] = {pressed: true, value: 1}")
-    expect(sheet.get_by_role("button", name="zero: button 5")).to_be_visible()
+    expect(dialog.get_by_role("button", name="zero: button 5")).to_be_visible()
 
     page.reload()
     expect(page.get_by_test_id("status")).to_contain_text(UP)
@@ -361,13 +361,13 @@ def test_everything_is_reached_by_the_keyboard(visit):
 def test_software_renderer_gets_the_light_view_unless_told_otherwise(visit):
     page = visit()
     viewer = page.get_by_test_id("viewer")
-    expect(viewer).to_have_attribute("data-look", "light")
+    expect(viewer).to_have_attribute("data-quality", "light")
     expect(viewer).to_have_attribute("src", re.compile("viewer%2Flight"))
     page.keyboard.press("?")
-    page.get_by_label("View").select_option("full")
-    expect(viewer).to_have_attribute("data-look", "full")
+    page.get_by_label("Render quality").select_option("full")
+    expect(viewer).to_have_attribute("data-quality", "full")
     page.reload()
-    expect(viewer).to_have_attribute("data-look", "full")
+    expect(viewer).to_have_attribute("data-quality", "full")
 
 
 SLOW_GRAPHICS_CARD = """
@@ -380,8 +380,8 @@ window.requestAnimationFrame = (draw) => setTimeout(() => soon(draw), 200);
 def test_slow_scene_is_loaded_anew_with_less_to_draw(visit):
     page = visit(before=SLOW_GRAPHICS_CARD)
     viewer = page.get_by_test_id("viewer")
-    expect(viewer).to_have_attribute("data-look", "full")
-    expect(viewer).to_have_attribute("data-look", "light")
+    expect(viewer).to_have_attribute("data-quality", "full")
+    expect(viewer).to_have_attribute("data-quality", "light")
     expect(page.locator("#notices")).to_contain_text("slow")
 
 

@@ -1,11 +1,11 @@
-"""The scene in a real browser: the robot's body under a hand, and the panel beside it."""
+"""The scene in a real browser: drags of the robot's body, and the panel beside it."""
 
 import time
 
 import numpy as np
 import pytest
-from hands import Finger, Mouse, centre
 from playwright.sync_api import expect
+from pointers import Finger, Mouse, centre
 
 LOSE_FOCUS = "window.dispatchEvent(new Event('blur'))"
 PATIENCE = 120.0  # [s] on the wall, after which something hangs

@@ -1,9 +1,9 @@
-// Sheets over the page: opened as modal dialogs, closed by their cross, Escape, or a click beside them.
+// Modal dialogs over the page, closed by their cross, Escape, or a click beside them.
 
-export const isSheetOpen = () => document.querySelector("dialog[open]") !== null;
+export const isDialogOpen = () => document.querySelector("dialog[open]") !== null;
 
-/** @param {HTMLDialogElement} dialog; another sheet that is open gives way to it */
-export function openSheet(dialog) {
+/** @param {HTMLDialogElement} dialog; closes another one that is open */
+export function openDialog(dialog) {
   document.querySelector("dialog[open]")?.close();
   dialog.showModal();
 }

@@ -1,4 +1,4 @@
-"""Hands on the page: what a mouse and a finger do."""
+"""Pointers on the page: a mouse and a finger that drag."""
 
 from playwright.sync_api import Locator, Page
 
@@ -28,7 +28,7 @@ class Finger:
 
 
 class Mouse:
-    """The same by mouse."""
+    """A mouse that drags."""
 
     def __init__(self, page: Page) -> None:
         self._mouse = page.mouse

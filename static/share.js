@@ -1,13 +1,13 @@
-// What can be taken along: a link to what was chosen, and the last minute as a recording.
+// Sharing: a link to the choices made here, and the last minute as a recording.
 
-import { ask } from "./rest.js";
+import { request } from "./requests.js";
 import { notify } from "./notices.js";
 
 const REFERENCE = { vx: "reference_vx", vy: "reference_vy", yaw_rate: "reference_yaw_rate" };
 const LAYERS = { show: true, hide: false }; // names with blanks between them
-const HELD_BY = ["sliders", "rest"]; // drivers whose reference stays
+const HOLDING = ["sliders", "rest"]; // drivers whose reference stays until it is changed
 
-/** An address that carries the parameters and layers that are not the server's own, the speed of time, and a reference that is held. */
+/** Copy an address with the parameters and layers that differ from the server's own, the speed, and a reference that is held. */
 export async function copyLink(live) {
   const [chosen, layers] = await Promise.all([changed("live/parameters"), changed("live/layers")]);
   for (const [key, isShown] of Object.entries(LAYERS)) {
@@ -15,45 +15,45 @@ export async function copyLink(live) {
     if (names.length) chosen.push([key, names.join(" ")]);
   }
   if ((live.speed ?? 1) !== 1) chosen.push(["speed", live.speed]);
-  if (HELD_BY.includes(live.driver)) {
+  if (HOLDING.includes(live.driver)) {
     for (const [name, key] of Object.entries(REFERENCE)) if (live[key]) chosen.push([name, Math.round(1e3 * live[key]) / 1e3]);
   }
   const link = new URL(location.pathname, location);
   link.hash = new URLSearchParams(chosen);
   const isCopied = await copied(link.href);
-  const what = chosen.length ? `: ${inWords(chosen)}` : ". Everything is as the server began";
+  const what = chosen.length ? `: ${inWords(chosen)}` : ". Everything is as when the server started";
   notify(`${isCopied ? "Link copied" : "The link"}${what}.`, { actions: isCopied ? [] : [{ text: link.href, href: link.href }] });
 }
 
-/** What is not as the server began, as pairs. */
+/** Values that differ from those that the server started with, as pairs. */
 async function changed(path) {
-  const [now, defaults] = await Promise.all([ask("GET", path), ask("GET", `${path}/defaults`)]);
+  const [now, defaults] = await Promise.all([request("GET", path), request("GET", `${path}/defaults`)]);
   return Object.entries(now).filter(([name, value]) => value !== defaults[name]);
 }
 
-/** The clipboard is closed to pages that come neither by https nor from this machine. */
+/** Copy a text; the clipboard is closed to pages that come neither by https nor from this machine. */
 async function copied(text) {
   if (!navigator.clipboard) return false;
   return navigator.clipboard.writeText(text).then(() => true, () => false);
 }
 
-/** Offer what the address asks for: a button, because it changes the robot for everybody. */
+/** Offer to apply the choices in the address: by a button, because it changes the robot for everybody. */
 export async function offerLink() {
-  const asked = Object.fromEntries([...new URLSearchParams(location.hash.slice(1))].map(([name, text]) => [name, value(text)]));
-  if (!Object.keys(asked).length) return;
+  const choices = Object.fromEntries([...new URLSearchParams(location.hash.slice(1))].map(([name, text]) => [name, value(text)]));
+  if (!Object.keys(choices).length) return;
   const forget = () => history.replaceState(null, "", location.pathname);
-  const { speed, vx, vy, yaw_rate, show, hide, ...parameters } = asked;
+  const { speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
   const apply = async () => {
     forget();
-    if (Object.keys(parameters).length) await ask("PATCH", "live/parameters", parameters);
+    if (Object.keys(parameters).length) await request("PATCH", "live/parameters", parameters);
     const layers = { ...switched(show, LAYERS.show), ...switched(hide, LAYERS.hide) };
-    if (Object.keys(layers).length) await ask("PATCH", "live/layers", layers);
-    if (speed !== undefined) await ask("POST", "live/speed", { factor: speed });
+    if (Object.keys(layers).length) await request("PATCH", "live/layers", layers);
+    if (speed !== undefined) await request("POST", "live/speed", { factor: speed });
     const reference = Object.fromEntries(Object.entries({ vx, vy, yaw_rate }).filter(([, part]) => part !== undefined));
-    if (Object.keys(reference).length) await ask("PUT", "live/reference", reference);
+    if (Object.keys(reference).length) await request("PUT", "live/reference", reference);
     notify("Applied.");
   };
-  notify(`This link asks for ${inWords(Object.entries(asked))}. It changes the robot for everybody who watches.`, {
+  notify(`This link asks for ${inWords(Object.entries(choices))}. It changes the robot for everybody who watches.`, {
     actions: [
       { text: "Apply", onClick: () => apply().catch((error) => notify(error.message, { level: "bad" })) },
       { text: "Leave it", onClick: forget },
@@ -73,9 +73,9 @@ function value(text) {
 
 const inWords = (pairs) => pairs.map(([name, part]) => `${name} ${part}`.replaceAll("_", " ")).join(", ");
 
-/** The last minute of this robot, as a recording that others open. */
-export async function save() {
-  const run = await ask("POST", "live/save", {});
+/** Save the last minute of this robot as a recording. */
+export async function saveRecording() {
+  const run = await request("POST", "live/save", {});
   const files = Object.entries(run.files).map(([ending, href]) => ({ text: ending, href }));
   notify(`Saved the last ${Math.round(run.duration)} s as “${run.name}”.`, { actions: files });
 }

@@ -1,12 +1,12 @@
-// Time: pause, single ticks and samples, speed, reset.
+// Controls of simulated time: pause, single ticks and samples, speed, reset.
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const NAMES = { 0.1: "1/10 ×", 0.25: "1/4 ×", 0.5: "1/2 ×" };
 
-export class Transport {
-  /** @param {{wish: (method: string, path: string, body?: object) => Promise<any>}} options */
-  constructor({ wish }) {
-    this.wish = wish;
+export class TimeControls {
+  /** @param {{request: (method: string, path: string, body?: object) => Promise<any>}} options */
+  constructor({ request }) {
+    this.request = request;
     this.isRunning = true;
     this.stop = document.getElementById("stop");
     this.steps = document.getElementById("steps");
@@ -16,17 +16,17 @@ export class Transport {
     this.speed.addEventListener("change", () => this.choose());
     this.stop.addEventListener("click", () => this.toggle());
     for (const [id, body] of [["one-tick", { ticks: 1 }], ["one-sample", { samples: 1 }]]) {
-      document.getElementById(id).addEventListener("click", () => wish("POST", "live/step", body));
+      document.getElementById(id).addEventListener("click", () => request("POST", "live/step", body));
     }
-    document.getElementById("reset").addEventListener("click", () => wish("POST", "live/reset"));
+    document.getElementById("reset").addEventListener("click", () => request("POST", "live/reset"));
   }
 
   toggle() {
-    return this.wish("POST", this.isRunning ? "live/pause" : "live/resume");
+    return this.request("POST", this.isRunning ? "live/pause" : "live/resume");
   }
 
   choose() {
-    this.wish("POST", "live/speed", { factor: Number(this.speed.value) });
+    this.request("POST", "live/speed", { factor: Number(this.speed.value) });
     this.speed.blur(); // or the next key, meant for the robot, changes it
   }
 

@@ -1,0 +1,121 @@
+// Pushes: the dial that aims one, the report of the last one, and random pushes.
+
+const KEY_STEP = 15; // degrees
+const DIRECTIONS = ["forward", "forward left", "left", "back left", "back", "back right", "right", "forward right"];
+const HINT = "Aim the ring, then push";
+const INTERVAL = 4; // s between random pushes, in the mean
+
+/** Direction relative to the robot on a ring around the button, strength on a slider. */
+export class PushDial {
+  /** @param {{onPush: (impulse: number[]) => void}} options; the impulse is in the robot's frame, N s */
+  constructor({ onPush }) {
+    this.onPush = onPush;
+    this.degrees = 90; // counter-clockwise from forward: to the left
+    this.dial = document.getElementById("dial");
+    this.ring = document.getElementById("ring");
+    this.strength = document.getElementById("strength");
+    this.ring.addEventListener("pointerdown", (event) => {
+      this.ring.setPointerCapture(event.pointerId);
+      this.aim(event);
+    });
+    this.ring.addEventListener("pointermove", (event) => {
+      if (this.ring.hasPointerCapture(event.pointerId)) this.aim(event);
+    });
+    this.ring.addEventListener("keydown", (event) => this.turn(event));
+    this.strength.addEventListener("input", () => this.show());
+    document.getElementById("push").addEventListener("click", () => this.push());
+    this.show();
+  }
+
+  setLimit(maxImpulse) {
+    this.strength.max = maxImpulse;
+    this.show();
+  }
+
+  aim(event) {
+    const box = this.ring.getBoundingClientRect();
+    const right = event.clientX - box.left - box.width / 2;
+    const up = box.top + box.height / 2 - event.clientY;
+    this.degrees = Math.round((Math.atan2(-right, up) * 180) / Math.PI / 5) * 5;
+    this.show();
+  }
+
+  turn(event) {
+    const step = { ArrowLeft: KEY_STEP, ArrowUp: KEY_STEP, ArrowRight: -KEY_STEP, ArrowDown: -KEY_STEP }[event.key];
+    if (step === undefined) return;
+    event.preventDefault();
+    this.degrees = ((((this.degrees + step + 180) % 360) + 360) % 360) - 180;
+    this.show();
+  }
+
+  show() {
+    const direction = DIRECTIONS[(Math.round(this.degrees / 45) + 8) % 8];
+    const text = `${this.strength.value} N·s`;
+    this.dial.style.setProperty("--angle", `${-this.degrees}deg`);
+    this.ring.ariaValueNow = this.degrees;
+    this.ring.ariaValueText = direction;
+    this.strength.ariaValueText = `${this.strength.value} newton seconds`;
+    document.getElementById("push-text").textContent = text;
+  }
+
+  push() {
+    const angle = (this.degrees * Math.PI) / 180;
+    const strength = Number(this.strength.value);
+    this.onPush([strength * Math.cos(angle), strength * Math.sin(angle)]);
+  }
+}
+
+/** Outcome of the last push, above the dial. */
+export class PushReport {
+  constructor() {
+    this.caption = document.getElementById("last-push");
+    this.hasPushed = localStorage.getItem("walk.hasPushed") !== null;
+  }
+
+  show(live) {
+    const words = live.last_push ? outcome(live.last_push) : this.hasPushed ? "" : HINT;
+    if (this.caption.textContent !== words) this.caption.textContent = words;
+    this.caption.dataset.outcome = live.last_push?.survived === false ? "bad" : "";
+    this.caption.classList.toggle("hint", words === HINT);
+  }
+
+  /** Remove the hint, for good: this person has pushed. */
+  dismissHint() {
+    this.hasPushed = true;
+    localStorage.setItem("walk.hasPushed", "");
+  }
+}
+
+function outcome({ impulse, survived, steps }) {
+  const strength = `${Math.hypot(...impulse).toFixed(0)} N·s`;
+  if (survived === null) return `${strength}: catching itself …`;
+  if (!survived) return `fell to ${strength}`;
+  if (!steps) return `${strength}: caught without a step`;
+  return `${strength}: caught in ${steps} ${steps === 1 ? "step" : "steps"}`;
+}
+
+/** Random pushes as a mode: switched here, given by the server, shown on every browser. */
+export class RandomPushes {
+  /** @param {{request: (method: string, path: string, body?: object) => Promise<any>}} options */
+  constructor({ request }) {
+    this.request = request;
+    this.button = document.getElementById("random");
+    this.strength = document.getElementById("strength");
+    this.button.addEventListener("click", () => this.set(!this.isOn));
+    this.strength.addEventListener("change", () => this.isOn && this.set(true));
+  }
+
+  get isOn() {
+    return this.button.ariaPressed === "true";
+  }
+
+  set(isOn) {
+    const body = isOn ? { strength: Number(this.strength.value), interval: INTERVAL } : { strength: 0 };
+    this.request("PUT", "live/random-pushes", body);
+  }
+
+  show(live) {
+    const isOn = String((live.random_pushes?.strength ?? 0) > 0);
+    if (this.button.ariaPressed !== isOn) this.button.ariaPressed = isOn;
+  }
+}

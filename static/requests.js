@@ -1,0 +1,31 @@
+// REST requests to the server, and their errors in words.
+
+/** The server refused a request; the message is a sentence for a person. */
+export class RefusedError extends Error {}
+
+/** The server cannot be reached. */
+export class UnreachableError extends Error {}
+
+/**
+ * @param {string} method of HTTP
+ * @param {string} path below /api/v1/
+ * @param {object} [body] sent as JSON
+ * @returns {Promise<any>} the response
+ * @throws {RefusedError} if the server refuses
+ * @throws {UnreachableError} if it cannot be reached
+ */
+export async function request(method, path, body) {
+  const options = { method, headers: { "Content-Type": "application/json" }, body: body && JSON.stringify(body) };
+  const response = await fetch(`/api/v1/${path}`, options).catch(() => {
+    throw new UnreachableError("The server cannot be reached.");
+  });
+  const data = await response.json().catch(() => ({}));
+  if (!response.ok) throw new RefusedError(inWords(data, response));
+  return data;
+}
+
+function inWords({ detail, errors }, response) {
+  if (response.status === 404) return "This server cannot do that.";
+  if (!errors?.length) return detail || `The server responded with ${response.status}.`;
+  return errors.map(({ field, value, limit }) => `${field} = ${JSON.stringify(value)}: ${limit}`).join("; ");
+}
