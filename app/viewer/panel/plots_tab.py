@@ -42,9 +42,9 @@ COP_LINES = (
 PLOTS = {
     "CoM velocity [m/s]": (
         Line("forward", COM),
-        Line("asked", REFERENCE, is_dashed=True),
+        Line("reference", REFERENCE, is_dashed=True),
         Line("left", CAPTURE),
-        Line("asked", REFERENCE, is_dashed=True),
+        Line("reference", REFERENCE, is_dashed=True),
     ),
     "CoP forward of the support foot [m]": COP_LINES,
     "CoP left of the support foot [m]": COP_LINES,
