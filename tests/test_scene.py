@@ -11,12 +11,14 @@ from scipy.spatial.transform import Rotation
 from shapely import Polygon
 
 from app.viewer import LIGHT
+from app.viewer.panel.panel import ViewTab
 from app.viewer.scene.footprints import sole_outline
-from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim
-from app.viewer.scene.layers import LAYERS
+from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim, Canvas, Frame
+from app.viewer.scene.layers import LAYERS, Layer
 from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away
 from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
+from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
@@ -98,6 +100,28 @@ def test_hidden_layers_are_not_sent_and_shown_ones_are(scene, walk):
     draw(scene, *walk[120:140])
     # Trails and previews are drawn with each point, and see-through changes the robot.
     assert drawn() == set(LAYERS) - {"trails", "preview", "see_through"}
+
+
+class Heading:
+    """An example of a layer: a frame that turns with the robot."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        self._node = f"{canvas.root}/axes"
+        canvas.server.scene.add_frame(self._node, axes_length=0.3, axes_radius=0.01)
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        updates.on_ground(self._node, frame.snapshot.com.position, frame.snapshot.heading)
+
+
+def test_a_new_layer_is_one_entry(viser_server, walk, monkeypatch):
+    layer = Layer("heading", "Direction that the robot faces", (1, 2, 3), Heading)
+    monkeypatch.setitem(LAYERS, "heading", layer)
+    scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
+    tab = ViewTab(viser_server, scene)
+    draw(scene, walk[-1])
+    x, y, _ = latest(scene.updates, "position")[f"{WORLD}/heading/axes"]
+    assert (x, y) == pytest.approx(walk[-1].com.position, abs=1e-4)
+    assert tab.layers["heading"] is True
 
 
 def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():
