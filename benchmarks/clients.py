@@ -1,6 +1,6 @@
-"""How a tick, a drawn frame and the server grow with the browsers that look: `clients.py --out DIR`.
+"""Growth of a tick, a drawn frame and the server's load with the number of browsers: `clients.py --out DIR`.
 
-Of a served robot that walks, each browser with both of its streams, by `deadlines.py`.
+Measured on a served robot that walks, each browser with both of its streams, by `deadlines.py`.
 """
 
 import json
@@ -22,7 +22,7 @@ class Clients:
     """Folder for clients.json and clients.svg."""
     numbers: tuple[int, ...] = (1, 5, 20)
     seconds: float = 30.0
-    """Of each measurement."""
+    """Duration of each measurement [s]."""
 
     def __call__(self) -> None:
         """Measure, write and draw."""
@@ -39,7 +39,7 @@ class Clients:
 
     def _draw(self, found: list[dict[str, Any]]) -> None:
         figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-        axes.plot(self.numbers, [one["frame_ms"] for one in found], "o-", label="a drawn frame, for all who look [ms]")
+        axes.plot(self.numbers, [one["frame_ms"] for one in found], "o-", label="a drawn frame, for all browsers [ms]")
         axes.plot(self.numbers, [one["last"]["tick_ms"] for one in found], "s-", label="a tick of the robot [ms]")
         axes.plot(self.numbers, [one["cpu"]["server"] for one in found], "^--", label="the server [share of a core]")
         axes.set(xlabel="browsers", xticks=self.numbers, ylim=(0.0, None))

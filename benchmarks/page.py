@@ -1,4 +1,4 @@
-"""What a first visit of the page costs a browser: bytes, time until it can be driven, frames a second, light and full.
+"""Cost of a first visit of the page to a browser: bytes, time until it can be driven, frames a second, light and full.
 
 Needs a running server; its own `--scene` decides the meshes. Each visit is by a browser context of its own, so
 nothing is cached. Whoever says how fast it was says how busy the machine was, too: it is printed.
@@ -39,7 +39,7 @@ COUNT_FRAMES = """(milliseconds) => new Promise((done) => {
 
 
 def main() -> None:
-    """Visit, and print a line for each look."""
+    """Visit, and print a line for each render quality."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("url")
     parser.add_argument("--visits", type=int, default=3)
@@ -50,22 +50,22 @@ def main() -> None:
     with sync_playwright() as playwright:
         arguments = ["--no-sandbox", *([] if options.gpu else SOFTWARE)]
         browser = playwright.chromium.launch(executable_path=browser_path, args=arguments)
-        for look in ("light", "full"):
-            visits = [visit(browser, options.url, look, options.seconds) for _ in range(options.visits)]
+        for quality in ("light", "full"):
+            visits = [visit(browser, options.url, quality, options.seconds) for _ in range(options.visits)]
             bytes_, ready, scene, frames = map(statistics.median, zip(*visits, strict=True))
             print(
-                f"{look}: can be driven after {ready:.2f} s, scene after {scene:.2f} s, "
+                f"{quality}: can be driven after {ready:.2f} s, scene after {scene:.2f} s, "
                 f"{bytes_ / 1e6:.2f} MB until {SETTLED:g} s after that, {frames:.1f} frames/s "
                 f"(medians of {options.visits}; load average {os.getloadavg()[0]:.1f})"
             )
         browser.close()
 
 
-def visit(browser: Browser, url: str, look: str, seconds: float) -> tuple[float, float, float, float]:
+def visit(browser: Browser, url: str, quality: str, seconds: float) -> tuple[float, float, float, float]:
     """Bytes over the wire until the scene has settled, seconds until it can be driven and seen, frames a second."""
     context = browser.new_context(viewport=VIEWPORT)  # type: ignore[arg-type]  # a TypedDict of the same keys
     page = context.new_page()
-    page.add_init_script(f"localStorage.setItem('walk.look', '{look}')")
+    page.add_init_script(f"localStorage.setItem('walk.look', '{quality}')")
     counted = count_bytes(page)
     start = time.monotonic()
     page.goto(url, wait_until="commit")
@@ -78,13 +78,13 @@ def visit(browser: Browser, url: str, look: str, seconds: float) -> tuple[float,
 
 
 def until(page: Page, condition: str) -> float:
-    """When a condition first held."""
+    """Time at which a condition first held [s]."""
     page.wait_for_function(condition, polling=20, timeout=1e3 * PATIENCE)
     return time.monotonic()
 
 
 def count_bytes(page: Page) -> Callable[[], float]:
-    """Counts what comes over the wire: answers as they were packed, and messages of websockets."""
+    """Count what comes over the wire: responses as they were packed, and messages of websockets."""
     session = page.context.new_cdp_session(page)
     total = 0.0
 

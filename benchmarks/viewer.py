@@ -41,7 +41,7 @@ class Replay:
     """Stand-in for the runner: a walk that was recorded before, over and over."""
 
     active_driver = ("rest", "")
-    """Who drives, and from which browser."""
+    """Active driver, and the browser that it belongs to."""
 
     def __init__(self) -> None:
         self.robot, self.parameters = load_robot("talos"), Parameters(dynamic_filter=True)

@@ -1,4 +1,4 @@
-"""A browser as viser's server sees it: what the benchmarks connect instead of one."""
+"""Client that a viser server takes for a browser, for benchmarks."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -24,7 +24,7 @@ CAMERA = {
 
 @asynccontextmanager
 async def scene(address: str) -> AsyncIterator[ClientConnection]:
-    """The stream of a viser server at a websocket's address, once it knows where the camera is."""
+    """The stream of a viser server at a websocket's address, after it was sent where the camera is."""
     protocols: Any = [f"viser-v{viser.__version__}"]
     async with connect(address, subprotocols=protocols, compression=None, max_size=None) as socket:
         await socket.send(msgspec.msgpack.encode(CAMERA))

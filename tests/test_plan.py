@@ -1,4 +1,4 @@
-"""What a plan says of itself is true of it."""
+"""Truth of the plan: previews come to be, and every sample stands within its stance."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the scene draws of a walk is true of it."""
+"""Truth of the scene: every node stands for something in the snapshot."""
 
 from typing import Any
 

@@ -193,7 +193,7 @@ def clients(viser_server) -> ClientRegistry:
 
 
 def own_suns(server: viser.ViserServer, path: str) -> list[bool]:
-    """Whether each sun that only the client of this path sees casts shadows."""
+    """Shadows of the suns that only the client of this path has, True where a sun casts them."""
     address = f"ws://127.0.0.1:{server.get_port()}{path}"
     earlier = set(server.get_clients())  # which may not have noticed that they are gone
     with connect_blocking(address, subprotocols=[PROTOCOL], max_size=None) as browser:

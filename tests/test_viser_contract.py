@@ -1,4 +1,4 @@
-"""What `app/viewer/transport/viser_private.py` expects of viser's inside: a new viser that changed it is named here."""
+"""Contract with viser's private names: each test names what a new viser changed of `viser_private.py`'s assumptions."""
 
 import ast
 import dataclasses

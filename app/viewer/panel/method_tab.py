@@ -1,4 +1,4 @@
-"""Parameters of the method, changed while the robot walks; a refusal is shown to the client that asked."""
+"""Parameters of the method, changed while the robot walks; a refusal is shown to the client that made the request."""
 
 from concurrent.futures import TimeoutError
 from functools import partial
