@@ -4,6 +4,7 @@ import ast
 import dataclasses
 import inspect
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -87,11 +88,6 @@ def test_no_client_can_open_a_tunnel(viser_server):
     assert _messages.ShareUrlRequest not in handlers, changed("unregister_handler")
 
 
-def test_controls_have_an_id(viser_server):
-    table = viser_server.gui.add_html("")
-    assert viser_private.control_id(table) == table._impl.uuid, changed("the id of controls")
-
-
 class Browser:
     """Client of a viser server that reads its messages."""
 
@@ -133,47 +129,44 @@ def test_a_client_is_known_by_its_path_and_has_the_whole_scene_after_the_end_of_
     assert not viser_private.has_whole_scene(viser_server, client), changed("generator_cursors: they stay")
 
 
-CHANGES: dict[str, tuple[str, Any]] = {
-    "SetPositionMessage": ("position", (1.0, 2.0, 3.0)),
-    "SetOrientationMessage": ("wxyz", (0.0, 1.0, 0.0, 0.0)),
-    "SetSceneNodeVisibilityMessage": ("visible", False),
-    "SceneNodeUpdateMessage": ("points", np.ones((2, 2, 3), dtype=np.float32)),
+POINTS = np.ones((2, 2, 3), dtype=np.float32)
+CHANGES: dict[str, tuple[str, Any, Callable[[SceneUpdates, Any], None]]] = {
+    "SetPositionMessage": ("position", (1.0, 2.0, 3.0), lambda updates, value: updates.position("/lines", value)),
+    "SetOrientationMessage": (
+        "wxyz",
+        (0.0, 1.0, 0.0, 0.0),
+        lambda updates, value: updates.orientation("/lines", value),
+    ),
+    "SetSceneNodeVisibilityMessage": ("visible", False, lambda updates, value: updates.visible("/lines", value)),
+    "SceneNodeUpdateMessage": ("points", POINTS, lambda updates, value: updates.properties("/lines", points=value)),
 }
+
+
+def sent_by_viser(server: viser.ViserServer, kind: str, handle: Any, field: str, value: Any) -> dict[str, Any]:
+    """Message that viser sends when a property of a handle is assigned."""
+    with Browser(server) as browser:
+        browser.read_until("ReplayDoneMessage")
+        browser.messages = []
+        setattr(handle, field, value)
+        return plain(browser.read_until(kind))
 
 
 @pytest.mark.parametrize("kind", CHANGES)
 def test_messages_are_encoded_as_viser_encodes_them(viser_server, kind):
-    lines = viser_server.scene.add_line_segments("/lines", np.zeros((2, 2, 3)), (0, 0, 0))
-    field, value = CHANGES[kind]
-    updates = SceneUpdates()
-    match kind:
-        case "SetPositionMessage":
-            updates.position("/lines", value)
-        case "SetOrientationMessage":
-            updates.orientation("/lines", value)
-        case "SetSceneNodeVisibilityMessage":
-            updates.visible("/lines", value)
-        case _:
-            updates.properties("/lines", **{field: value})
-    with Browser(viser_server) as browser:
-        browser.read_until("ReplayDoneMessage")
-        browser.messages = []
-        setattr(lines, field, value)
-        theirs = browser.read_until(kind)
+    lines, updates = viser_server.scene.add_line_segments("/lines", 0.0 * POINTS, (0, 0, 0)), SceneUpdates()
+    field, value, change = CHANGES[kind]
+    change(updates, value)
     (ours,) = decoded(Encoder().encode(updates.changes(0)))
-    assert plain(ours) == plain(theirs), changed(f"{kind} or the bytes of a batch")
+    assert plain(ours) == sent_by_viser(viser_server, kind, lines, field, value), changed(f"{kind} or a batch")
 
 
 def test_controls_are_updated_as_viser_updates_them(viser_server):
     table, updates = viser_server.gui.add_html(""), SceneUpdates()
+    assert hasattr(table, "_impl") and hasattr(table._impl, "uuid"), changed("the id of controls: _impl.uuid")
     updates.control(table, content="new")
-    with Browser(viser_server) as browser:
-        browser.read_until("ReplayDoneMessage")
-        browser.messages = []
-        table.content = "new"
-        theirs = browser.read_until("GuiUpdateMessage")
     (ours,) = decoded(Encoder().encode(updates.changes(0)))
-    assert plain(ours) == plain(theirs), changed("GuiUpdateMessage")
+    theirs = sent_by_viser(viser_server, "GuiUpdateMessage", table, "content", "new")
+    assert plain(ours) == theirs, changed("GuiUpdateMessage or a batch")
 
 
 def plain(value: Any) -> Any:
