@@ -60,7 +60,7 @@ export class Teleop {
 
   send(source) {
     const driver = this.held.at(-1) ?? source;
-    const message = { reference: this.reference, driver, grip: this.engagement };
+    const message = { reference: this.reference, driver, engagement: this.engagement };
     this.worker.postMessage({ held: this.held.length ? message : null, message });
   }
 
