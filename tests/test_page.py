@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import httpx
 import numpy as np
 import pytest
-from conftest import Server
+from conftest import PATIENCE, Server
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 from pointers import Finger, Mouse, centre
@@ -20,7 +20,6 @@ from pointers import Finger, Mouse, centre
 DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
 TICKS_PER_SECOND = 200
-PATIENCE = 120.0  # [s] on the wall, after which something hangs
 UP = re.compile("walking|standing")
 SAMPLE = 0.05  # [s] between looks at the robot
 

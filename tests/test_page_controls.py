@@ -1,19 +1,17 @@
 """Controls and displays of the page; the three-dimensional scene is left out, which costs most."""
 
 import re
-import time
 from collections.abc import Callable, Iterator
 
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from conftest import Server, start_server
+from conftest import PATIENCE, Server, start_server, wait_for
 from playwright.sync_api import Browser, Page, Route, expect
 from pointers import Finger, Mouse, centre
 
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
-PATIENCE = 60.0  # [s] on the wall, after which something hangs
 UP = re.compile("walking|standing")
 SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
 
@@ -46,13 +44,6 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
 
 def _stand_in(route: Route) -> None:
     route.fulfill(body=SCENE, content_type="text/html")
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.05)
 
 
 def live(api: httpx.Client) -> dict:

@@ -1,11 +1,11 @@
 """The panel beside the scene: plots, layers, parameters of the method."""
 
-import time
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import wait_for
 
 from app.viewer import LIGHT
 from app.viewer.panel.method_tab import MethodTab
@@ -62,9 +62,7 @@ def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_s
     tab = ViewTab(viser_server, scene)
     assert tab.layers == DEFAULT_LAYERS
     tab.switch({"capture_point": True, "robot": False})
-    wait_until = time.monotonic() + 10.0
-    while "robot" in scene.shown and time.monotonic() < wait_until:
-        time.sleep(0.01)
+    wait_for(lambda: "robot" not in scene.shown)
     assert scene.shown == {name for name, is_on in tab.layers.items() if is_on}
     assert scene.shown ^ {name for name, is_on in DEFAULT_LAYERS.items() if is_on} == {"capture_point", "robot"}
 

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 import viser
+from conftest import PATIENCE, wait_for
 from scene_reader import decoded
 from viser import _messages
 from websockets.asyncio.client import connect
@@ -28,7 +29,6 @@ from app.viewer.transport.viser_private import nb_message_ids
 from app.viewer.viewer import spare_light_clients
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
-PATIENCE = 60.0  # [s]
 SETTLED = 0.5  # [s] after which a client has what it gets of its own
 PROTOCOL: Any = f"viser-v{viser.__version__}"
 CAMERA = _messages.ViewerCameraMessage(
@@ -142,8 +142,7 @@ def test_late_browser_gets_every_node_before_what_moves_it_and_nothing_was_kept_
 
 def test_nothing_is_drawn_without_a_client(viewer, runner):
     asyncio.run(read(viewer.port, 3))
-    while viewer.broadcaster.nb_clients:
-        time.sleep(0.01)
+    wait_for(lambda: not viewer.broadcaster.nb_clients)
     time.sleep(0.1)  # the frame under way
     nb_reads = runner.nb_reads
     time.sleep(0.3)
@@ -198,12 +197,10 @@ def own_suns(server: viser.ViserServer, path: str) -> list[bool]:
     earlier = set(server.get_clients())  # which may not have noticed that they are gone
     with connect_blocking(address, subprotocols=[PROTOCOL], max_size=None) as browser:
         browser.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))
-        end = time.monotonic() + PATIENCE
-        while not (new := set(server.get_clients()) - earlier):
-            assert time.monotonic() < end
-            time.sleep(0.02)
+        wait_for(lambda: bool(set(server.get_clients()) - earlier))
         time.sleep(SETTLED)
-        sun: Any = server.get_clients()[new.pop()].scene.get_handle_by_name("/light/key")
+        (new,) = set(server.get_clients()) - earlier
+        sun: Any = server.get_clients()[new].scene.get_handle_by_name("/light/key")
         return [] if sun is None else [sun.cast_shadow]
 
 
@@ -218,9 +215,6 @@ def test_scene_tells_which_page_it_belongs_to_until_it_is_closed(viser_server, c
     viser_server.on_client_connect(lambda client: pages.append(clients.page(client)))
     own_suns(viser_server, "/?client=mine")
     assert pages == ["mine"]
-    end = time.monotonic() + PATIENCE
-    while clients.is_open("mine"):
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_for(lambda: not clients.is_open("mine"))
     own_suns(viser_server, "/")
     assert pages == ["mine", ""]

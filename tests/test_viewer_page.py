@@ -4,11 +4,11 @@ import time
 
 import numpy as np
 import pytest
+from conftest import PATIENCE, wait_for
 from playwright.sync_api import expect
 from pointers import Finger, Mouse, centre
 
 LOSE_FOCUS = "window.dispatchEvent(new Event('blur'))"
-PATIENCE = 120.0  # [s] on the wall, after which something hangs
 DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
 
@@ -116,7 +116,4 @@ def assert_panel_covers_nothing(page):
         taken = [boxes["scene"], *(each.bounding_box() for each in controls if each.is_visible())]
         return not any(overlap(boxes["panel"], box) for box in taken)
 
-    give_up = time.monotonic() + PATIENCE
-    while not is_clear():
-        assert time.monotonic() < give_up, "the panel covers something"
-        time.sleep(0.2)
+    wait_for(is_clear)

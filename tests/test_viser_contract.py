@@ -3,7 +3,6 @@
 import ast
 import dataclasses
 import inspect
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from conftest import PATIENCE, wait_for
 from scene_reader import decoded
 from viser import _messages
 from websockets.sync.client import connect
@@ -20,7 +20,6 @@ from app.viewer.transport.broadcaster import Encoder
 from app.viewer.transport.scene_updates import SceneUpdates
 
 VIEWER = Path(viser_private.__file__).parent.parent
-PATIENCE = 20.0  # [s]
 
 
 def changed(what: str) -> str:
@@ -121,10 +120,7 @@ def test_a_client_is_known_by_its_path_and_has_the_whole_scene_after_the_end_of_
         assert viser_private.requested_path(viser_server, client) == "/light?client=mine", changed("requests")
         assert connection.transport.get_write_buffer_size() == 0, changed("the connections of clients")
         assert viser_private.has_whole_scene(viser_server, client), changed("generator_cursors or message_counter")
-    end = time.monotonic() + PATIENCE
-    while viser_private.connections(viser_server):
-        assert time.monotonic() < end, changed("_live_connections: clients that are gone stay")
-        time.sleep(0.02)
+    wait_for(lambda: not viser_private.connections(viser_server))
     assert viser_private.requested_path(viser_server, client) == ""
     assert not viser_private.has_whole_scene(viser_server, client), changed("generator_cursors: they stay")
 
