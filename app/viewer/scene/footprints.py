@@ -2,9 +2,9 @@
 
 from itertools import zip_longest
 
-from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT, Colour
+from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT
 from app.viewer.scene.frame import PRINTS_PER_FOOT, Canvas, Frame
-from app.viewer.scene.primitives import GroundPolygon, counter_clockwise, fan, raised
+from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, counter_clockwise, fan, raised
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot
 from walkcore.mpc.stance import Footstep, Side, mirrored
@@ -58,26 +58,16 @@ class PastFootprints:
 
 
 class FootholdMarks:
-    """Outlined soles at given footholds, left and right told apart."""
+    """Outlined soles at given footholds, with a style for each side."""
 
-    def __init__(
-        self, canvas: Canvas, root: str, colours: dict[Side, Colour], height: float, opacity: float, thickness: float
-    ) -> None:
-        """Make the nodes once, invisible; see `GroundPolygon`."""
+    def __init__(self, canvas: Canvas, root: str, styles: dict[Side, PolygonStyle]) -> None:
+        """Make the nodes once, invisible."""
         self._marks = {
             side: [
-                GroundPolygon(
-                    canvas.server,
-                    f"{root}/{side.name.lower()}_{i}",
-                    colour,
-                    height,
-                    opacity=opacity,
-                    thickness=thickness,
-                    polygon=sole_outline(canvas.robot, side),
-                )
+                GroundPolygon(canvas.server, f"{root}/{side.name.lower()}_{i}", style, sole_outline(canvas.robot, side))
                 for i in range(FOOTHOLDS_PER_FOOT)
             ]
-            for side, colour in colours.items()
+            for side, style in styles.items()
         }
 
     def draw(self, updates: SceneUpdates, footholds: tuple[Footstep, ...]) -> None:
@@ -93,7 +83,8 @@ class PlannedFootholds:
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
-        self._marks = FootholdMarks(canvas, canvas.root, GREYS, PLAN_HEIGHT, opacity=0.22, thickness=2.5)
+        styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.22, thickness=2.5) for side, grey in GREYS.items()}
+        self._marks = FootholdMarks(canvas, canvas.root, styles)
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Draw the footholds of the snapshot's plan."""

@@ -14,7 +14,7 @@ from app.viewer.scene.frame import Canvas, Drawing
 from app.viewer.scene.points import CAPTURE_POINT, FULL_COP, MODEL_COP, CentreOfMassDrawing, PointDrawing
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
-from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_drawing, support_drawing
+from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_polygon, support_polygon
 from app.viewer.scene.velocities import CoMVelocityDrawing, ReferenceDrawing
 
 
@@ -43,9 +43,9 @@ LAYERS = {
     "regions": Layer(
         "foothold regions", "Where each planned foot may land", palette.REGION, FootholdRegions, is_on=False
     ),
-    "support": Layer("support polygon", "Hull of the soles that carry the robot", palette.SUPPORT, support_drawing),
+    "support": Layer("support polygon", "Hull of the soles that carry the robot", palette.SUPPORT, support_polygon),
     "margin": Layer(
-        "margin", "Where (28) holds the CoP: the support less the margin", palette.MARGIN, margin_drawing, is_on=False
+        "margin", "Where (28) holds the CoP: the support less the margin", palette.MARGIN, margin_polygon, is_on=False
     ),
     "com": Layer("CoM", "Centre of mass, and its place above the ground", palette.COM, CentreOfMassDrawing),
     "cop": Layer("CoP", "Centre of pressure of the model, (5)-(6)", palette.COP, partial(PointDrawing, MODEL_COP)),

@@ -84,12 +84,12 @@ class PointDrawing:
             updates.properties(self._preview, points=line[::2] if is_dashed else line)
 
 
-class CentreOfMassDrawing(PointDrawing):
+class CentreOfMassDrawing:
     """Ball at the CoM, a line from it to the ground, and its dot there."""
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once."""
-        super().__init__(CENTRE_OF_MASS, canvas)
+        self._point = PointDrawing(CENTRE_OF_MASS, canvas)
         self._mass = f"{canvas.root}/mass"
         self._ball, self._plumb_line = f"{self._mass}/ball", f"{self._mass}/plumb_line"
         canvas.server.scene.add_frame(self._mass, show_axes=False)
@@ -99,7 +99,7 @@ class CentreOfMassDrawing(PointDrawing):
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Put ball, line and dot in place."""
-        super().update(updates, frame)
+        self._point.update(updates, frame)
         updates.on_ground(self._mass, frame.snapshot.com.position)
         height = round(frame.snapshot.com_height, 3)
         if height != self._height:

@@ -3,6 +3,8 @@
 Nodes are made once and moved afterwards.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
@@ -111,45 +113,40 @@ def add_arrow(server: viser.ViserServer, name: str, colour: Colour, radius: floa
     )
 
 
+@dataclass(frozen=True, slots=True)
+class PolygonStyle:
+    """Look of a polygon on the ground."""
+
+    colour: Colour
+    height: float
+    """Above the ground [m]."""
+    opacity: float
+    """Opacity of the face."""
+    thickness: float
+    """Thickness of the border in pixels."""
+
+
 class GroundPolygon:
     """Convex polygon on the ground, filled and outlined, in a frame that moves."""
 
     def __init__(
-        self,
-        server: viser.ViserServer,
-        name: str,
-        colour: Colour,
-        height: float,
-        *,
-        opacity: float,
-        thickness: float,
-        polygon: Matrix | None = None,
+        self, server: viser.ViserServer, name: str, style: PolygonStyle, polygon: Matrix | None = None
     ) -> None:
-        """Make the nodes once, invisible.
-
-        Args:
-            server: gets the nodes.
-            name: path of the frame.
-            colour: of border and face.
-            height: above the ground [m].
-            opacity: of the face.
-            thickness: of the border, in pixels.
-            polygon: corners in the frame [m], shape (V, 2), for a polygon that never changes.
-        """
-        self._name, self._height = name, height
-        corners = raised(np.zeros((3, 2)) if polygon is None else polygon, 0.0)
+        """Make the nodes once, invisible; `polygon` [m], shape (V, 2), is for one that never changes."""
+        self._name, self._height = name, style.height
+        corners, colour = raised(np.zeros((3, 2)) if polygon is None else polygon, 0.0), style.colour
         server.scene.add_frame(name, show_axes=False, visible=False)
         server.scene.add_mesh_simple(
             f"{name}/fill",
             corners,
             fan(len(corners)),
             color=colour,
-            opacity=opacity,
+            opacity=style.opacity,
             cast_shadow=False,
             receive_shadow=False,
         )
         server.scene.add_line_segments(
-            f"{name}/outline", outline(corners), colors=colour, thickness=thickness, thickness_units="screen"
+            f"{name}/outline", outline(corners), colors=colour, thickness=style.thickness, thickness_units="screen"
         )
 
     def place(self, updates: SceneUpdates, position: Vector, yaw: float) -> None:

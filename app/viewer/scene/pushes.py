@@ -10,7 +10,7 @@ from app.drawing.palette import PUSH
 from app.viewer.scene.footprints import FootholdMarks
 from app.viewer.scene.frame import Canvas, Frame
 from app.viewer.scene.points import CAPTURE_POINT
-from app.viewer.scene.primitives import Points, add_arrow, add_dot, raised
+from app.viewer.scene.primitives import Points, PolygonStyle, add_arrow, add_dot, raised
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot, Snapshot
 from walkcore.mpc.gait import Phase
@@ -23,25 +23,12 @@ CLEARANCE = 0.22  # [m] from the CoM to the near end of the arrow, outside the r
 LENGTH, LENGTH_PER_IMPULSE = 0.15, 0.01  # [m], [m per N s]
 SHAFT = 0.022  # [m]
 SECONDS_SHOWN = 0.6
-STEP_HEIGHT = 0.010  # [m] of the steps after an aimed push, above those planned without it
+STEP_STYLE = PolygonStyle(PUSH, 0.010, opacity=0.35, thickness=3.0)  # above the steps planned without the push
 LABEL_LIFT = 0.12  # [m] above the arrow
 
 
 class PushDrawing:
-    """Arrow of the last push, and the preview of the next one."""
-
-    def __init__(self, canvas: Canvas) -> None:
-        """Make the nodes once, invisible."""
-        self._last, self._next = LastPush(canvas), PushPreview(canvas)
-
-    def update(self, updates: SceneUpdates, frame: Frame) -> None:
-        """Draw both, if there are any."""
-        self._last.update(updates, frame)
-        self._next.update(updates, frame)
-
-
-class LastPush:
-    """Arrow of the last push, shown for a moment."""
+    """Arrow of the last push, shown for a moment, and the preview of the next one."""
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
@@ -49,9 +36,10 @@ class LastPush:
         canvas.server.scene.add_frame(self._frame, show_axes=False)
         add_arrow(canvas.server, self._arrow, PUSH, SHAFT)
         self._seconds_left = 0.0
+        self._preview = PushPreview(canvas)
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
-        """Draw a push since the last frame, and hide it after its time."""
+        """Draw a push since the last frame, hide it after its time, and draw a push that is being aimed."""
         snapshot, push = frame.snapshot, frame.history.new_push
         self._seconds_left = max(0.0, self._seconds_left - frame.elapsed)
         # An older one was given while nobody was watching.
@@ -62,6 +50,7 @@ class LastPush:
         if self._seconds_left > 0.0:
             updates.on_ground(self._frame, snapshot.com.position)
         updates.visible(self._arrow, self._seconds_left > 0.0)
+        self._preview.update(updates, frame)
 
 
 class PushPreview:
@@ -79,10 +68,7 @@ class PushPreview:
         add_arrow(canvas.server, self._arrow, PUSH, SHAFT)
         scene.add_label(self._label, "", anchor="bottom-center", font_size_mode="screen", font_screen_scale=1.4)
         add_dot(canvas.server, self._capture_point, CAPTURE_POINT.colour, CAPTURE_POINT.radius)
-        colours = {Side.LEFT: PUSH, Side.RIGHT: PUSH}
-        self._steps = FootholdMarks(
-            canvas, f"{self._root}/steps", colours, height=STEP_HEIGHT, opacity=0.35, thickness=3.0
-        )
+        self._steps = FootholdMarks(canvas, f"{self._root}/steps", dict.fromkeys(Side, STEP_STYLE))
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Draw the aimed push, or nothing."""
@@ -100,7 +86,7 @@ class PushPreview:
         self._steps.draw(updates, after.plan.footholds if after is not None and after.plan is not None else ())
         updates.visible(self._capture_point, after is not None)
         if after is not None:
-            updates.on_ground(self._capture_point, after.dcm, height=STEP_HEIGHT)
+            updates.on_ground(self._capture_point, after.dcm, height=STEP_STYLE.height)
 
 
 def arrow_away(impulse: Vector, height: float) -> Points:

@@ -1,68 +1,46 @@
 """Polygons that bound the plan: the support polygon, what the margin leaves of it, foothold regions, active bounds."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import zip_longest
 
 import numpy as np
 
-from app.drawing.palette import ACTIVE, MARGIN, REGION, SUPPORT, Colour
+from app.drawing.palette import ACTIVE, MARGIN, REGION, SUPPORT
 from app.viewer.scene.footprints import FOOTHOLDS_PER_FOOT
 from app.viewer.scene.frame import Canvas, Frame
-from app.viewer.scene.primitives import GroundPolygon, add_lines, raised
+from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, add_lines, raised
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import WalkError
 from walkcore.mpc.regions import inset_vertices
-from walkcore.mpc.stance import Side, convex_hull
+from walkcore.mpc.stance import Side, Stance, convex_hull
 from walkcore.values import Matrix, rotation
 
-REGION_HEIGHT, SUPPORT_HEIGHT, MARGIN_HEIGHT, ACTIVE_HEIGHT = 0.003, 0.005, 0.006, 0.016  # [m]
+SUPPORT_STYLE = PolygonStyle(SUPPORT, 0.005, opacity=0.3, thickness=2.5)
+MARGIN_STYLE = PolygonStyle(MARGIN, 0.006, opacity=0.12, thickness=2.0)
+REGION_STYLE = PolygonStyle(REGION, 0.003, opacity=0.10, thickness=1.5)
+ACTIVE_HEIGHT = 0.016  # [m]
 
 
 class StancePolygon:
-    """Polygon that changes with the stance, in the frame of its first foot.
+    """Polygon that changes with the stance, in the frame of the first foot that carries the robot.
 
     A node for each kind of stance, of which one is shown: else a slow client, which shows a new shape late, would
     show the old one at the new place.
     """
 
-    def __init__(
-        self,
-        polygon: Callable[[Matrix, float], Matrix],
-        canvas: Canvas,
-        colour: Colour,
-        height: float,
-        *,
-        opacity: float,
-        thickness: float,
-    ) -> None:
-        """Make the nodes once, invisible.
-
-        Args:
-            polygon: corners to draw [m], shape (V, 2), or none of them, from those of the support polygon and the
-                margin of the CoP [m].
-            canvas: gets the nodes.
-            colour: see `GroundPolygon`, as of what follows.
-            height: above the ground [m].
-            opacity: of the face.
-            thickness: of the border, in pixels.
-        """
-        self._polygon = polygon
+    def __init__(self, style: PolygonStyle, corners: Callable[[Stance, float], Matrix], canvas: Canvas) -> None:
+        """Make the nodes once, invisible; `corners` computes the polygon [m], shape (V, 2), for a margin [m]."""
+        self._corners = corners
         self._nodes = {
-            (side, kind): GroundPolygon(
-                canvas.server,
-                f"{canvas.root}/{side.name.lower()}_{kind}",
-                colour,
-                height,
-                opacity=opacity,
-                thickness=thickness,
-            )
+            (side, nb_feet): GroundPolygon(canvas.server, f"{canvas.root}/{side.name.lower()}_{nb_feet}", style)
             for side in Side
-            for kind in ("sole", "hull")
+            for nb_feet in (1, 2)
         }
         self._drawn: object = None
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
-        """Draw the polygon of the snapshot's stance."""
+        """Draw the polygon of the snapshot's stance, unless it is drawn already."""
         stance, margin = frame.snapshot.stance, frame.parameters.cop_margin
         key = ([(foot.side, foot.position.tolist(), foot.yaw) for foot in stance.feet], margin)
         if key == self._drawn:
@@ -70,29 +48,23 @@ class StancePolygon:
         self._drawn, foot = key, stance.feet[0]
         for node in self._nodes.values():
             node.hide(updates)
-        corners = self._polygon(stance.polygon, margin)
+        corners = self._corners(stance, margin)
         if len(corners):
-            node = self._nodes[foot.side, "hull" if stance.is_double_support else "sole"]
+            node = self._nodes[foot.side, len(stance.feet)]
             node.reshape(updates, (corners - foot.position) @ rotation(foot.yaw))
             node.place(updates, foot.position, foot.yaw)
 
 
-def _inset(corners: Matrix, margin: float) -> Matrix:
-    """Polygon at a distance inside another [m], both of shape (V, 2); no corners where nothing is left."""
+def _inset(stance: Stance, margin: float) -> Matrix:
+    """Corners of what a margin [m] leaves of a support polygon [m], shape (V, 2); no corners if it leaves nothing."""
     try:
-        return convex_hull(inset_vertices(corners, margin))
+        return convex_hull(inset_vertices(stance.polygon, margin))
     except WalkError:
         return np.zeros((0, 2))
 
 
-def support_drawing(canvas: Canvas) -> StancePolygon:
-    """Drawing of the support polygon."""
-    return StancePolygon(lambda corners, _: corners, canvas, SUPPORT, SUPPORT_HEIGHT, opacity=0.3, thickness=2.5)
-
-
-def margin_drawing(canvas: Canvas) -> StancePolygon:
-    """Drawing of what the margin leaves of the support polygon for the CoP."""
-    return StancePolygon(_inset, canvas, MARGIN, MARGIN_HEIGHT, opacity=0.12, thickness=2.0)
+support_polygon = partial(StancePolygon, SUPPORT_STYLE, lambda stance, _: stance.polygon)
+margin_polygon = partial(StancePolygon, MARGIN_STYLE, _inset)
 
 
 class FootholdRegions:
@@ -101,8 +73,7 @@ class FootholdRegions:
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
         self._nodes = [
-            GroundPolygon(canvas.server, f"{canvas.root}/{i}", REGION, REGION_HEIGHT, opacity=0.10, thickness=1.5)
-            for i in range(2 * FOOTHOLDS_PER_FOOT)
+            GroundPolygon(canvas.server, f"{canvas.root}/{i}", REGION_STYLE) for i in range(2 * FOOTHOLDS_PER_FOOT)
         ]
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
