@@ -147,6 +147,6 @@ def test_only_one_file_knows_solvers():
     assert [path.name for path in modules("walkcore") if {"piqp", "daqp"} & imports(path)] == ["qp.py"]
 
 
-def test_only_the_viewer_and_the_page_know_viser():
+def test_only_the_viewer_knows_viser():
     knowing = {path.relative_to(ROOT / "app").parts[0] for path in modules("app") if "viser" in imports(path)}
-    assert knowing == {"viewer", "http"}
+    assert knowing == {"viewer"}
