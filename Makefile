@@ -1,6 +1,7 @@
-# make run     set everything up and serve the demo on HOST:PORT (127.0.0.1:8000)
-# make test    set everything up and check it
-# make soak    check it for longer
+# make run        set everything up and serve the demo on HOST:PORT (127.0.0.1:8000)
+# make test       set everything up and check it
+# make test-all   with every case that takes minutes
+# make soak       check it for longer
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -12,21 +13,27 @@ APT := $$([ "$$(id -u)" = 0 ] || echo sudo -n) env DEBIAN_FRONTEND=noninteractiv
 debian = { echo 'make: installing $(1) $(2)'; { $(APT) update -qq && $(APT) install -y -qq $(1); } >/dev/null 2>&1; } \
 	|| { echo 'make: $(1) is missing $(2); install it: apt-get install $(1)' >&2; exit 1; }
 
-.PHONY: run test check soak install browser lock notebook image-check
+.PHONY: run test test-all check soak install browser lock notebook image-check
 
 run: install
 	@exec $(BIN)/walk serve
 
+# One process per core; the tests of a file share a server, so they stay together.
+PYTEST := $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
+
 test: check browser
-	$(BIN)/pytest
+	$(PYTEST)
+
+test-all: check browser
+	$(PYTEST) -m "exhaustive or not exhaustive"
 
 check: install
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 
-# Longer than a test may take: half an hour of random walks and pushes, every promise checked at every tick.
-soak: install
+# Every test, then an hour of random walks and pushes with every promise checked at every tick.
+soak: test-all
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5
 	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 6
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.1 --body

@@ -17,7 +17,7 @@ SHORT = replace(load_scenario("herdt-2010-section-6"), duration=1.2, events=())
 
 @pytest.fixture(scope="module")
 def result():
-    return bench(report=lambda _: None, motion=SHORT)
+    return bench(report=lambda _: None, motion=SHORT, steady_ticks=200)
 
 
 def test_the_stages_of_a_tick_add_up(result):
@@ -55,9 +55,18 @@ def test_a_solver_that_is_wrong_shows(monkeypatch):
     assert results["lazy"].foothold_error_max == pytest.approx(1.0, rel=0.01)
 
 
+def test_the_point_mass_walks_steadily_with_every_solver(result):
+    assert {(w.walk, w.solver) for w in result.steady_walks} == {
+        (walk, solver) for walk in ("straight", "circle") for solver in SOLVERS
+    }
+    for walk in result.steady_walks:
+        assert 0.0 < walk.assemble_and_solve.median < walk.step.median
+        assert walk.tail == walk.assemble_and_solve.p99 / walk.assemble_and_solve.median
+
+
 def test_the_table_shows_all_of_it(result):
     text = table(result)
-    for name in (*result.stages, *result.solvers, "assemble + solve", "around the solver", "with the body"):
+    for name in (*result.stages, *result.solvers, "assemble + solve", "around the solver", "circle", "with the body"):
         assert name in text
 
 

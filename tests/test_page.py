@@ -91,13 +91,28 @@ def until_drawn(element: Locator) -> np.ndarray:
     return image
 
 
+POINTERS = {"mouse": (DESKTOP, Mouse), "finger": (PHONE, Finger)}
+DRAGS = {
+    "forward": ((0, -1), (1, 0)),
+    "right": ((1, 0), (0, -1)),
+    "backward": ((0, 1), (-1, 0)),
+    "left": ((-1, 0), (0, 1)),
+}
+EACH_TIME = {("mouse", "right"), ("finger", "forward")}  # the other directions only in `make test-all`
+
+
 @pytest.mark.parametrize(
     ("device", "pointer_kind", "drag", "direction"),
     [
-        (DESKTOP, Mouse, (1, 0), (0, -1)),
-        (PHONE, Finger, (0, -1), (1, 0)),
+        pytest.param(
+            *POINTERS[pointer],
+            *DRAGS[way],
+            id=f"{pointer}-{way}",
+            marks=[] if (pointer, way) in EACH_TIME else pytest.mark.exhaustive,
+        )
+        for pointer in POINTERS
+        for way in DRAGS
     ],
-    ids=["mouse-right", "finger-forward"],
 )
 def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api, device, pointer_kind, drag, direction):
     page = visit(**device)
