@@ -1,7 +1,7 @@
 """Jobs in processes of their own, which report their progress and can be killed while they run.
 
-A job is a value that can be pickled and called. Its process is spawned, shares nothing with the one that wants the
-result but a pipe, and ends with it, however that ends.
+A job is a value that can be pickled and called. Its process is spawned, shares nothing but a pipe with
+the one that started it, and ends with it, however that ends.
 
 Pools of concurrent.futures, loky and pebble were tried: of none do the workers end when their parent is killed, none
 reports progress, and only pebble can kill a single job. A lock or a queue that several workers share, as one would
@@ -205,7 +205,7 @@ def _can_be_pickled(error: Exception | None) -> bool:
 
 
 def _end_with_parent() -> None:
-    """Leave no process behind when the one that wants the result is gone."""
+    """End the process when the one that started it is gone."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -1,9 +1,9 @@
 """Do the ticks of a served robot start in time while browsers stream and programs poll?
 
 Starts a server, lets the robot walk, and opens clients, each in a process of its own: viser's stream by the
-proxy, as the page opens it, and the live snapshot beside it. Another process polls by REST. Told is what
-the server says of every tick and of the drawn frames between the first and the last second. Beside it runs
-a loop of the same rate and precedence that does nothing: how late that is, no control loop can help.
+proxy, as the page opens it, and the live snapshot beside it. Another process polls by REST. The table has the
+server's own measures of every tick and of the drawn frames between the first and the last second. Beside it runs
+a loop of the same rate and precedence that does nothing: its delays are those of the machine.
 
     python benchmarks/deadlines.py --minutes 10 --clients 5
     python benchmarks/deadlines.py --minutes 1 --clients 1 5 20
@@ -33,7 +33,7 @@ from websockets.asyncio.client import connect
 
 WALK = Path(sys.executable).parent / "walk"
 SETTLE = 5.0  # [s] for the clients to join before anything counts
-PATIENCE = 60.0  # [s] for an answer: what is measured is the ticks, not the requests
+PATIENCE = 60.0  # [s] for a response: the ticks are measured, not the requests
 STREAM_RATE, POLL_RATE = 10.0, 20.0  # [Hz]
 REFERENCE, RESTEER = {"vx": 0.2, "yaw_rate": 0.1}, 5.0  # [s]
 LIMITS = {"5": 1e-4, "50": 0.0}  # share of the ticks that may start later than so many ms
@@ -41,20 +41,20 @@ LIMITS = {"5": 1e-4, "50": 0.0}  # share of the ticks that may start later than 
 
 @dataclass(frozen=True)
 class Deadlines:
-    """What to try."""
+    """Choice of the measurements."""
 
     minutes: float = 10.0
-    """For each number of clients."""
+    """Duration of each measurement [min]."""
     clients: tuple[int, ...] = (5,)
     """Numbers of browsers."""
     robot: str = "talos"
     json: Path | None = None
-    """Also write what was measured there."""
+    """File for the measurements as JSON, too."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Of `/metrics` and of the live snapshot, at one moment."""
+    """Values of `/metrics` and of the live snapshot at one moment."""
 
     at: float
     t: float
@@ -71,15 +71,15 @@ class Reading:
     """Processor time of the thread that draws and sends the scene."""
 
 
-def main(asked: Deadlines) -> None:
+def main(chosen: Deadlines) -> None:
     """Measure, and print a table for each number of clients."""
     found = []
-    for nb_clients in asked.clients:
-        with server(asked.robot) as url, crowd(url, nb_clients), empty_loop() as empty:
-            found.append(measured(url, nb_clients, 60.0 * asked.minutes, empty))
+    for nb_clients in chosen.clients:
+        with server(chosen.robot) as url, crowd(url, nb_clients), empty_loop() as empty:
+            found.append(measured(url, nb_clients, 60.0 * chosen.minutes, empty))
             print(table(found[-1]), flush=True)
-    if asked.json is not None:
-        asked.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    if chosen.json is not None:
+        chosen.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
 
 
 @contextmanager
@@ -99,7 +99,7 @@ def server(robot: str) -> Iterator[str]:
 
 @contextmanager
 def crowd(url: str, nb_clients: int) -> Iterator[None]:
-    """So many browsers, and a program that polls."""
+    """Browsers, and a program that polls."""
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=browse, args=(url,), daemon=True) for _ in range(nb_clients)]
     processes.append(context.Process(target=poll, args=(url,), daemon=True))
@@ -147,7 +147,7 @@ def poll(url: str) -> None:
 
 
 def measured(url: str, nb_clients: int, seconds: float, empty: EmptyLoop) -> dict[str, Any]:
-    """What happened to the ticks of so many seconds."""
+    """Measures of the ticks over a time [s]."""
     with httpx.Client(base_url=url, timeout=PATIENCE) as api:
         wait_for_clients(api, nb_clients)
         first, empty_first = reading(api), empty.late
@@ -176,7 +176,7 @@ def measured(url: str, nb_clients: int, seconds: float, empty: EmptyLoop) -> dic
 
 
 def wait_for_clients(api: httpx.Client, nb_clients: int) -> None:
-    """Until all of them stream and the robot walks."""
+    """Wait until all clients stream and the robot walks."""
     while api.get("api/v1/health").json()["clients"] < nb_clients:
         time.sleep(0.2)
     api.put("api/v1/live/reference", json=REFERENCE).raise_for_status()
@@ -184,7 +184,7 @@ def wait_for_clients(api: httpx.Client, nb_clients: int) -> None:
 
 
 def reading(api: httpx.Client) -> Reading:
-    """Of this moment."""
+    """The values at this moment."""
     families = {family.name: family.samples for family in text_string_to_metric_families(api.get("metrics").text)}
     frame = {sample.name: sample.value for sample in families["walk_frame_seconds"]}
     live = api.get("api/v1/live").json()
@@ -210,7 +210,7 @@ def _by_process(samples: Sequence[Any]) -> dict[str, float]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """For a person."""
+    """The measures as text for a terminal."""
     first, last = found["first"], found["last"]
     lines = [
         f"{found['clients']} browsers, polling at {POLL_RATE:g} Hz, {found['seconds']:.0f} s on {found['machine']}:"

@@ -14,22 +14,22 @@ PERIOD = 0.005  # [s]
 
 
 class EmptyLoop:
-    """Seen from outside while it runs in a process of its own."""
+    """Counts of a loop that runs in a process of its own."""
 
     def __init__(self, counts: "SynchronizedArray[int]") -> None:
-        """Read what it counts there."""
+        """Read the counts from shared memory."""
         self._counts = counts
 
     @property
     def late(self) -> Mapping[str, int]:
-        """How many turns have started later than so many ms."""
+        """Number of turns that started later than so many ms."""
         counts = list(self._counts)
         return {f"{1e3 * edge:g}": sum(counts[k + 1 :]) for k, edge in enumerate(LATENESS_EDGES)}
 
 
 @contextmanager
 def empty_loop() -> Iterator[EmptyLoop]:
-    """Run one."""
+    """Run the loop until the block ends."""
     context = multiprocessing.get_context("spawn")
     counts: Any = context.Array("q", len(LATENESS_EDGES) + 1)
     process = context.Process(target=_run, args=(counts,), daemon=True)

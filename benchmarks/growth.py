@@ -1,4 +1,4 @@
-"""How a tick grows with the horizon: `growth.py --out DIR` writes growth.json and growth.svg.
+"""Growth of a tick with the horizon: `growth.py --out DIR` writes growth.json and growth.svg.
 
 Two steps of 0.8 s do not fit into 8 samples, so the steps take 0.7 s at all lengths.
 """
@@ -25,7 +25,7 @@ class Growth:
     out: Path
     """Folder for growth.json and growth.svg."""
     duration: float = 8.0
-    """Of each walk [s]."""
+    """Duration of each walk [s]."""
 
     def __call__(self) -> None:
         """Measure, write and draw."""

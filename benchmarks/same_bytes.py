@@ -44,7 +44,7 @@ def _walk(out: Path) -> None:
 
 
 def _differences(before: Path, after: Path) -> Iterator[str]:
-    """What of a run has changed."""
+    """Differences between two runs."""
     if not before.is_dir():
         yield "was not there before"
         return

@@ -23,16 +23,16 @@ MAY_BE_NAN = ("foothold", "true_cop", "time_to_touchdown")
 
 @dataclass
 class Soak:
-    """What to walk."""
+    """Choice of the walk."""
 
     robot: str = "talos"
     hours: float = 0.1
     push: float = 8.0
     """Largest impulse [N s]; one comes every five seconds or so."""
     control_period: float = 0.02
-    """[s]."""
+    """Duration of a tick [s]."""
     body: bool = False
-    """With the whole body, or the point mass with feet."""
+    """Whether the whole body walks, or the point mass with feet."""
     seed: int = 0
 
 
@@ -46,8 +46,8 @@ def main(soak: Soak) -> None:
     for _ in range(round(soak.hours * 3600 / soak.control_period)):
         if rng.random() < soak.control_period / 3.0:
             limits = robot.max_reference
-            wish = {n: rng.choice([0.0, lo, hi, rng.uniform(lo, hi)]) for n, (lo, hi) in limits.items()}
-            reference = Reference() if rng.random() < 0.3 else Reference(**wish)
+            values = {n: rng.choice([0.0, lo, hi, rng.uniform(lo, hi)]) for n, (lo, hi) in limits.items()}
+            reference = Reference() if rng.random() < 0.3 else Reference(**values)
         angle, strength = rng.uniform(0, 2 * math.pi), rng.uniform(0, soak.push)
         is_pushed = rng.random() < soak.control_period / 5.0
         push = Push(strength * np.array([math.cos(angle), math.sin(angle)])) if is_pushed else None
@@ -63,7 +63,7 @@ def main(soak: Soak) -> None:
 
 
 def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> None:
-    """Every promise about one tick.
+    """Check every promise about one tick.
 
     Raises:
         AssertionError: naming the tick and the promise.

@@ -41,7 +41,7 @@ class Oracle:
         return np.array(velocity), np.array(cop)
 
     def stances(self, k):
-        """What carries each sample of tick k: "pair" (the feet where they are), or the number of a foothold, or both
+        """Stance of each sample of tick k: "pair" (the feet where they are), or the number of a foothold, or both
         ("after", number) where that foothold and the one that ends a stop stand side by side."""
         first = self.intervals(k)[0]
         if math.isnan(self["time_to_touchdown"][k]):
@@ -137,7 +137,7 @@ class Oracle:
         return P, q, np.array(G), np.array(h), m
 
     def region(self, yaw, landing_is_right):
-        """Where a foot may land in the frame of the other one, which it turns by yaw against."""
+        """Region of a foothold in the frame of the support foot, for its yaw against that foot."""
         mirror = -1 if landing_is_right else 1
         toes_out = yaw * mirror
         bands = self.p["foothold_regions"]
@@ -214,5 +214,5 @@ def edges(corners, margin):
 
 
 def excess(point, corners, margin=0.0):
-    """How far a point is outside of a convex polygon; negative inside."""
+    """Distance of a point from a convex polygon; negative inside."""
     return max(normal @ point - bound for normal, bound in edges(corners, margin))

@@ -153,9 +153,9 @@ def test_reference_holds_until_another_is_given(api):
 )
 def test_bad_input_is_refused_with_field_value_and_limit_and_changes_nothing(api, method, path, body, field):
     api.post("live/pause")
-    answer = put_json(api, method, path, body)
-    assert answer.status_code == 422
-    refusal = answer.json()
+    response = put_json(api, method, path, body)
+    assert response.status_code == 422
+    refusal = response.json()
     assert [set(error) for error in refusal["errors"]] == [{"field", "value", "limit"}]
     assert refusal["errors"][0]["field"] == field and refusal["errors"][0]["limit"]
     assert field in refusal["detail"]
@@ -204,8 +204,8 @@ def test_pause_holds_time_and_step_takes_ticks(api):
 
 
 def test_step_is_refused_while_the_robot_runs(api):
-    answer = api.post("live/step", json={"ticks": 5})
-    assert answer.status_code == 409 and "pause" in answer.json()["detail"]
+    response = api.post("live/step", json={"ticks": 5})
+    assert response.status_code == 409 and "pause" in response.json()["detail"]
 
 
 def test_reset_puts_the_robot_back_with_no_reference(api):
@@ -325,8 +325,8 @@ def test_stream_refuses_impossible_rates(server, rate):
 def test_page_of_another_origin_cannot_drive(api, server, method, path):
     body = {"impulse": [0, 1]} if path == "live/push" else {}
     for origin in (FOREIGN, "null", f"http://{server.host}.elsewhere.example"):
-        answer = api.request(method, path, json=body, headers={"Origin": origin})
-        assert answer.status_code == 403 and answer.json()["detail"]
+        response = api.request(method, path, json=body, headers={"Origin": origin})
+        assert response.status_code == 403 and response.json()["detail"]
     assert live(api)["running"] is True and live(api)["driver"] == "none"
     assert api.request(method, path, json=body, headers={"Origin": f"http://{server.host}"}).status_code == 200
 
@@ -340,8 +340,8 @@ def test_page_of_another_origin_gets_no_websocket(server, path):
 
 
 def test_every_refusal_has_the_same_shape(api):
-    for answer in (api.get("nowhere"), api.delete("live"), api.post("live/step"), api.put("live/reference", json=[])):
-        assert answer.status_code >= 400 and set(answer.json()) == {"detail", "errors"}
+    for response in (api.get("nowhere"), api.delete("live"), api.post("live/step"), api.put("live/reference", json=[])):
+        assert response.status_code >= 400 and set(response.json()) == {"detail", "errors"}
 
 
 def test_documentation_lists_every_route(server):
@@ -391,9 +391,9 @@ def test_parameters_change_while_the_robot_walks(api):
         ({"alhpa": 1.0}, "alhpa"),
         ({"control_period": 0.01}, "control_period"),
     ):
-        answer = api.patch("live/parameters", json=refused)
-        assert answer.status_code == 422
-        assert answer.json()["errors"][0]["field"] == field
+        response = api.patch("live/parameters", json=refused)
+        assert response.status_code == 422
+        assert response.json()["errors"][0]["field"] == field
     assert api.patch("live/parameters", json={"cop_margin": 0.15}).status_code == 422
     assert api.get("live/parameters").json() == changed.json()
     assert api.patch("live/parameters", json=before).json() == before
@@ -481,12 +481,12 @@ def test_a_saved_session_is_a_run_that_replays_to_the_same_decisions(api):
     api.patch("live/parameters", json={"cop_margin": 0.02})
     api.post("live/push", json={"impulse": [0.0, 5.0]})
     api.post("live/step", json={"ticks": 150})
-    answer = api.post("live/save", json={"name": "driven"})
+    response = api.post("live/save", json={"name": "driven"})
     api.patch("live/parameters", json=api.get("live/parameters/defaults").json())
-    assert answer.status_code == 201
-    run = answer.json()
+    assert response.status_code == 201
+    run = response.json()
     assert (run["status"], run["name"]) == ("done", "driven")
-    address = answer.headers["Location"].removeprefix("/api/v1/")
+    address = response.headers["Location"].removeprefix("/api/v1/")
     assert api.get(address).json()["id"] == run["id"]
     driven = recording(api, address)
     assert driven["tick"].tolist() == list(range(301)) and driven["push_y"].sum() == pytest.approx(5.0)
@@ -512,9 +512,9 @@ def test_a_walk_can_be_saved_after_its_reset_under_a_name_of_ours(api):
 
 
 def test_metrics_are_reported_to_prometheus(api, server):
-    answer = httpx.get(f"{server.url}metrics")
-    assert answer.headers["content-type"].startswith("text/plain")
-    families = {family.name: family for family in text_string_to_metric_families(answer.text)}
+    response = httpx.get(f"{server.url}metrics")
+    assert response.headers["content-type"].startswith("text/plain")
+    families = {family.name: family for family in text_string_to_metric_families(response.text)}
     state = live(api)
     value = {name: family.samples[0].value for name, family in families.items()}
     assert 0 < value["walk_ticks"] <= state["timing"]["ticks"]
@@ -534,7 +534,7 @@ def test_metrics_are_reported_to_prometheus(api, server):
 
 
 def drawn_frames(server: Server) -> tuple[float, float]:
-    """How many there were, and the processor time of all [s]."""
+    """Number of drawn frames, and the processor time of all [s]."""
     text = httpx.get(f"{server.url}metrics").text
     families = {family.name: family.samples for family in text_string_to_metric_families(text)}
     count, seconds = families["walk_frame_seconds"]
@@ -565,8 +565,8 @@ def test_death_of_the_control_process_degrades_the_server_and_a_reset_mends_it(a
     os.kill(process, signal.SIGKILL)
     wait_for(lambda: api.get("health").json()["status"] == "degraded")
     assert "SIGKILL" in live(api)["fault"] and live(api)["running"] is False
-    answer = api.post("live/pause")
-    assert answer.status_code == 503 and set(answer.json()) == {"detail", "errors"}
+    response = api.post("live/pause")
+    assert response.status_code == 503 and set(response.json()) == {"detail", "errors"}
     assert httpx.get(f"{server.url}metrics").status_code == 200
     assert api.post("live/reset").json()["tick"] == 0
     assert api.get("health").json()["control_process"] != process

@@ -1,4 +1,4 @@
-"""What is kept of a method goes with its object, without the collector of garbage."""
+"""Cached results of a method end with its object, without the garbage collector."""
 
 import gc
 from weakref import ref
@@ -28,14 +28,14 @@ def _without_collector():
     gc.enable()
 
 
-def test_answers_are_kept_until_others_take_their_place():
+def test_results_are_cached_until_others_take_their_place():
     squares = Squares()
     assert [squares.of(number) for number in (3, 3, 4, 3, 5, 4)] == [9, 9, 16, 9, 25, 16]
     assert squares.computed == [3, 4, 5, 4]
 
 
 @pytest.mark.usefixtures("_without_collector")
-def test_an_object_goes_with_its_last_user_and_its_answers_with_it():
+def test_an_object_and_its_cached_results_end_with_its_last_user():
     squares = Squares()
     squares.of(3)
     is_there = ref(squares)

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from app.commands import cli
 from app.formats import FORMATS
@@ -11,6 +12,7 @@ from app.routes import live_robot, scripted_runs, service, sockets
 from walkcore import load_scenario, scenario_names
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.scenario.expectations import METRICS
+from walkcore.scenario.scenario import scenario_from_mapping
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = {
@@ -106,6 +108,11 @@ def test_the_documents_list_every_scheme_scenario_metric_and_format():
     assert scenarios == {name: load_scenario(name).description for name in scenario_names()}
     assert dict(rows(DOCUMENTS["docs/scenarios.md"], "## Metrics")) == METRICS
     assert {ending for ending, *_ in rows(DOCUMENTS["docs/scenarios.md"], "## Formats")} == set(FORMATS)
+
+
+def test_the_example_of_a_scenario_is_one():
+    (example,) = re.findall(r"```yaml\n(.*?)```", DOCUMENTS["docs/scenarios.md"], flags=re.DOTALL)
+    assert len(scenario_from_mapping(yaml.safe_load(example)).expectations) == 3
 
 
 def test_the_readme_lists_every_module_that_it_describes():

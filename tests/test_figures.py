@@ -21,7 +21,7 @@ def walked():
 
 @pytest.fixture(scope="module")
 def folder(walked, tmp_path_factory):
-    """What `walk figures` leaves behind, for a robot that has been walked already."""
+    """Output of `walk figures` for a robot whose walks are simulated already."""
     out = tmp_path_factory.mktemp("figures")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(make, "simulate", lambda robot, control_period: walked)

@@ -83,7 +83,7 @@ def test_the_walk_starts_standing_on_both_feet():
     assert np.array_equal(gait.horizon(0).stances.is_double_support, [True] * 8 + [False] * 8)
 
 
-def test_a_stand_has_no_end_until_a_walk_is_asked_for():
+def test_a_stand_has_no_end_until_a_walk_is_requested():
     stand = Gait(FAST.timing)
     assert stand.at(10_000).phase is Phase.STANDING
     assert math.isnan(stand.at(10_000).time_to_touchdown)

@@ -44,14 +44,14 @@ def test_joints_move_as_forward_kinematics_says(name):
         pin.forwardKinematics(model, data, q)
         for node, joint in joints.items():
             joint.move(updates, node, q.tolist())
-        told = {(m["type"], m["name"]): m for m in updates.changes(0)}
+        sent = {(m["type"], m["name"]): m for m in updates.changes(0)}
         for i, (node, joint) in enumerate(joints.items(), start=1):
-            w, x, y, z = told["SetOrientationMessage", node]["wxyz"]
+            w, x, y, z = sent["SetOrientationMessage", node]["wxyz"]
             np.testing.assert_allclose(
                 pin.Quaternion(w, x, y, z).normalized().matrix(), data.liMi[i].rotation, atol=3e-5
             )
             still = model.jointPlacements[i].translation
-            position = still if isinstance(joint, Hinge) else told["SetPositionMessage", node]["position"]
+            position = still if isinstance(joint, Hinge) else sent["SetPositionMessage", node]["position"]
             np.testing.assert_allclose(position, data.liMi[i].translation, atol=1e-5)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 
-# From the ground up. A module may import those before it; a room of the server may import the rooms before it.
+# From the ground up: a module of the core, and a folder of the server, may import those before it.
 CORE = """
     errors values stages cache
     command
@@ -48,13 +48,13 @@ def imports(path: Path) -> set[str]:
 
 
 def layer(name: str, package: str, layers: list[str]) -> int | None:
-    """Where a full name lies among the layers of a package; none if elsewhere."""
+    """Number of the layer of a full name in its package; none if elsewhere."""
     inside = name.removeprefix(f"{package}.")
     return next((i for i, part in enumerate(layers) if name != inside and f"{inside}.".startswith(f"{part}.")), None)
 
 
 def upward_imports(path: Path, package: str, layers: list[str]) -> set[str]:
-    """What a file imports from its own package that does not lie below it."""
+    """Imports of a file from its own package that do not lie below it."""
     name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
     own = layer(name, package, layers)
     assert own is not None, f"{name} has no layer: give it one here"
@@ -69,7 +69,7 @@ def test_core_knows_nothing_of_the_server_nor_of_clocks_threads_and_the_web(path
     assert roots & strangers == set()
 
 
-CORE_ROOMS = {name.partition(".")[0] for name in CORE if "." in name}
+CORE_FOLDERS = {name.partition(".")[0] for name in CORE if "." in name}
 LAYERED = [("walkcore", CORE, path) for path in modules("walkcore")] + [
     ("app", SERVER, path) for path in modules("app")
 ]
@@ -77,7 +77,7 @@ LAYERED = [("walkcore", CORE, path) for path in modules("walkcore")] + [
 
 @pytest.mark.parametrize(("package", "layers", "path"), LAYERED, ids=lambda value: getattr(value, "stem", ""))
 def test_imports_go_down(package, layers, path):
-    if path.name != "__init__.py" or path.parent.name not in (package, *CORE_ROOMS):  # those only name what is inside
+    if path.name != "__init__.py" or path.parent.name not in (package, *CORE_FOLDERS):  # those only name what is inside
         assert upward_imports(path, package, layers) == set()
         assert package not in imports(path) or package == "app", "a module of the core names the module it needs"
 

@@ -29,15 +29,15 @@ def test_every_state_of_a_walk_that_ends_on_the_ground_can_be_encoded(name):
             control.push(Push([0.0, 10.0 if tick < 300 else 120.0], 0.1 if tick == 101 else 0.0))
         clock.now += max(control.time_left, 0.0)
         control.tick()
-        told = live_json(control.latest)
-        text = json.loads(json.dumps(told))
-        assert msgspec.json.decode(msgspec.json.encode(told)) == text
-        assert msgspec.msgpack.decode(msgspec.msgpack.encode(told)) == text
+        encodable = live_json(control.latest)
+        text = json.loads(json.dumps(encodable))
+        assert msgspec.json.decode(msgspec.json.encode(encodable)) == text
+        assert msgspec.msgpack.decode(msgspec.msgpack.encode(encodable)) == text
     assert control.latest.snapshot.status is Status.FALLEN and control.latest.last_push is not None
 
 
 class Frozen:
-    """In place of the runner: a robot whose state changes only where a test changes it."""
+    """Stand-in for the runner: a robot whose state changes only where a test changes it."""
 
     def __init__(self) -> None:
         self.states: list[LiveState] = []

@@ -75,7 +75,7 @@ def test_the_sole_that_turns_takes_its_edges_along():
     assert support_margins(walk, np.array([[0.0, 0.09]])) == pytest.approx([0.01])
 
 
-def test_the_capture_point_is_ahead_of_the_com_by_velocity_over_omega():
+def test_the_dcm_is_ahead_of_the_com_by_velocity_over_omega():
     walk = on_one_foot(1, com_vx=np.array([math.sqrt(10.0)]))
     assert dcm(walk)[0] == pytest.approx([1.0, 0.0])
 
@@ -152,7 +152,7 @@ def test_what_comes_after_a_fall_is_not_measured():
     assert found["status_counts"]["fallen"] > 50
 
 
-def test_the_body_follows_and_its_use_is_told_by_joint():
+def test_the_body_follows_and_its_use_is_reported_by_joint():
     recording = record(scenario_from_mapping({"duration": 1.0, "events": [{"t": 0.1, "reference": {"vx": 0.1}}]}))
     found = recording.metrics()
     assert 0.0 < found["com_error"] < 1e-3 and 0.0 < found["sole_error"] < 1e-3

@@ -34,7 +34,7 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
         page = browser.new_context(**device).new_page()
         page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("response", lambda answer: complaints.append(answer.url) if answer.status >= 400 else None)
+        page.on("response", lambda response: complaints.append(response.url) if response.status >= 400 else None)
         page.set_default_timeout(1e3 * PATIENCE)
         pages.append(page)
         page.goto(server.url)

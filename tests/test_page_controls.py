@@ -312,7 +312,7 @@ def test_controls_keep_to_the_scene_where_the_panel_is_beside_it(visit):
     assert centre(dock)[0] == pytest.approx((1280 - 300) / 2, abs=100)
 
 
-def test_refusal_is_told_in_words(visit, server):
+def test_refusal_is_shown_in_words(visit, server):
     page = visit(f"{server.url}#scheme=magic")
     page.get_by_role("button", name="Apply").click()
     expect(page.locator("#notices")).to_contain_text('scheme = "magic": must be one of')

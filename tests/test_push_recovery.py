@@ -64,7 +64,7 @@ def test_a_step_on_which_margin_was_given_up_is_no_recovery():
     assert (last.survived, last.steps) == (True, 3)
 
 
-def test_who_falls_has_not_survived():
+def test_a_robot_that_falls_has_not_survived():
     last = followed(steps([0, 0, 0, 0.1, 0.2, 0.3], push_at=2 * STEP + 0.3, statuses=[0, 0, 0, 0, 1, 2]))
     assert (last.survived, last.time) == (False, None)
 

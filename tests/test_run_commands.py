@@ -26,7 +26,7 @@ expect: {{not_fallen: true, max_final_speed: {bound}}}
 
 @dataclass
 class Said:
-    """What a command left on the terminal."""
+    """Exit code and output of a command."""
 
     returncode: int
     stdout: str
@@ -52,7 +52,7 @@ def runs(tmp_path_factory):
     return folder, said
 
 
-def test_several_scenarios_get_a_folder_each_and_a_broken_promise_is_exit_code_one(runs):
+def test_several_scenarios_get_a_folder_each_and_a_broken_expectation_is_exit_code_one(runs):
     folder, said = runs
     assert said.returncode == 1, said.stderr
     assert "BROKEN: max_final_speed = 0.0, measured" in said.stdout
@@ -78,7 +78,7 @@ def test_one_scenario_goes_straight_into_the_folder_with_the_same_bytes(runs, tm
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["run", "moonwalk", "--out", "x"], "no scenario 'moonwalk'; there are: circle"),
         (["run", "circle", "circle", "--out", "x"], "circle"),
@@ -87,11 +87,11 @@ def test_one_scenario_goes_straight_into_the_folder_with_the_same_bytes(runs, tm
         (["compare", "nowhere"], "name at least two"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_two(arguments, told, tmp_path, monkeypatch):
+def test_bad_input_is_one_line_and_exit_code_two(arguments, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = walk(*arguments)
     assert said.returncode == 2
-    assert told in said.stderr and len(said.stderr.splitlines()) == 1
+    assert message in said.stderr and len(said.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 

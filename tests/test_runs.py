@@ -1,4 +1,4 @@
-"""Scripted runs: taken in, simulated elsewhere, kept, and handed out as `walk run` writes them."""
+"""Scripted runs: queued, simulated in other processes, stored, and served as `walk run` writes them."""
 
 import json
 import math
@@ -102,11 +102,11 @@ def workers(server: int | None = None) -> list[psutil.Process]:
 
 
 def test_a_posted_run_gives_the_same_bytes_as_the_command_line(api, tmp_path):
-    answer = api.post("runs", json=SHORT)
-    assert answer.status_code == 202
-    location = answer.headers["location"]
-    assert location == f"/api/v1/runs/{answer.json()['id']}"
-    run = ended_over_rest(api, answer.json()["id"])
+    response = api.post("runs", json=SHORT)
+    assert response.status_code == 202
+    location = response.headers["location"]
+    assert location == f"/api/v1/runs/{response.json()['id']}"
+    run = ended_over_rest(api, response.json()["id"])
     assert (run["status"], run["reason"], run["progress"]) == ("done", "", 1.0)
     assert run["scenario"] == SHORT and run["metrics"]["ticks"] == 20 and run["real_time_factor"] > 0.0
     assert run["created"] <= run["started"] <= run["ended"]
@@ -125,17 +125,17 @@ def test_a_posted_run_gives_the_same_bytes_as_the_command_line(api, tmp_path):
 
 def test_events_follow_a_run_to_its_end(api):
     run_id = api.post("runs", json={"name": "followed", "robot": "hrp2", "duration": 4.0}).json()["id"]
-    told = []
+    reported = []
     with api.stream("GET", f"runs/{run_id}/events", timeout=PATIENCE) as stream:
         assert stream.headers["content-type"].startswith("text/event-stream")
         for line in stream.iter_lines():  # ends with the run
             if line.startswith("data:"):
-                told.append(json.loads(line.removeprefix("data:")))
-    assert [run["id"] for run in told] == [run_id] * len(told)
-    assert told[-1]["status"] == "done" and told[-1]["progress"] == 1.0
-    fractions = [run["progress"] for run in told]
-    assert fractions == sorted(fractions) and len(told) >= 2
-    assert all(told[i] != told[i + 1] for i in range(len(told) - 1))
+                reported.append(json.loads(line.removeprefix("data:")))
+    assert [run["id"] for run in reported] == [run_id] * len(reported)
+    assert reported[-1]["status"] == "done" and reported[-1]["progress"] == 1.0
+    fractions = [run["progress"] for run in reported]
+    assert fractions == sorted(fractions) and len(reported) >= 2
+    assert all(reported[i] != reported[i + 1] for i in range(len(reported) - 1))
 
 
 def test_runs_are_listed_latest_first(api):
@@ -151,8 +151,8 @@ def test_delete_stops_a_running_run_and_removes_an_ended_one(api, server):
     busy = workers(server.process.pid)
     assert busy
     assert api.get(f"runs/{run_id}/recording.npz").status_code == 409
-    answer = api.delete(f"runs/{run_id}")
-    assert answer.status_code == 200 and answer.json()["status"] == "cancelled"
+    response = api.delete(f"runs/{run_id}")
+    assert response.status_code == 200 and response.json()["status"] == "cancelled"
     assert workers(server.process.pid) == []
     assert api.get(f"runs/{run_id}").json()["status"] == "cancelled"
     assert api.get(f"runs/{run_id}/recording.npz").status_code == 409
@@ -161,19 +161,19 @@ def test_delete_stops_a_running_run_and_removes_an_ended_one(api, server):
     assert ended_over_rest(api, api.post("runs", json=SHORT).json()["id"])["status"] == "done", "the next one is taken"
 
 
-def test_a_hundred_at_once_are_taken_in_or_put_off_and_the_live_robot_walks_on(api):
+def test_a_hundred_at_once_are_queued_or_refused_and_the_live_robot_walks_on(api):
     api.post("live/reset")
-    answers: list[httpx.Response] = []
-    threads = [threading.Thread(target=lambda: answers.append(api.post("runs", json=SHORT))) for _ in range(100)]
+    responses: list[httpx.Response] = []
+    threads = [threading.Thread(target=lambda: responses.append(api.post("runs", json=SHORT))) for _ in range(100)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    counts = Counter(answer.status_code for answer in answers)
+    counts = Counter(response.status_code for response in responses)
     assert set(counts) <= {202, 503} and sum(counts.values()) == 100 and counts[202] >= 20
-    refused = [answer for answer in answers if answer.status_code == 503]
-    assert all(int(answer.headers["retry-after"]) > 0 and answer.json()["detail"] for answer in refused)
-    taken = {answer.json()["id"] for answer in answers if answer.status_code == 202}
+    refused = [response for response in responses if response.status_code == 503]
+    assert all(int(response.headers["retry-after"]) > 0 and response.json()["detail"] for response in refused)
+    taken = {response.json()["id"] for response in responses if response.status_code == 202}
     assert {ended_over_rest(api, run_id)["status"] for run_id in taken} == {"done"}
     state = api.get("live").json()
     assert state["tick"] > 100 and state["running"] and not state["fault"] and state["status"] == 0
@@ -208,27 +208,27 @@ def test_a_hundred_at_once_are_taken_in_or_put_off_and_the_live_robot_walks_on(a
     ],
 )
 def test_a_hostile_scenario_is_refused_with_its_field(api, body, field):
-    answer = api.post("runs", content=body, headers={"Content-Type": "application/json"})
-    assert answer.status_code == 422
-    assert all(set(error) == {"field", "value", "limit"} for error in answer.json()["errors"])
-    assert answer.json()["errors"][0]["field"].split(" ")[0] == field
-    assert len(answer.content) < 6000 and api.get("runs").json() == []
+    response = api.post("runs", content=body, headers={"Content-Type": "application/json"})
+    assert response.status_code == 422
+    assert all(set(error) == {"field", "value", "limit"} for error in response.json()["errors"])
+    assert response.json()["errors"][0]["field"].split(" ")[0] == field
+    assert len(response.content) < 6000 and api.get("runs").json() == []
 
 
 @pytest.mark.parametrize("is_announced", [True, False])
 def test_a_body_that_is_too_long_is_not_read(api, is_announced):
     body = b" " * 300_000
     chunks = (body[i : i + 1000] for i in range(0, len(body), 1000))
-    answer = api.post("runs", content=body if is_announced else chunks, headers={"Content-Type": "application/json"})
-    assert answer.status_code == 413 and set(answer.json()) == {"detail", "errors"}
+    response = api.post("runs", content=body if is_announced else chunks, headers={"Content-Type": "application/json"})
+    assert response.status_code == 413 and set(response.json()) == {"detail", "errors"}
 
 
 @pytest.mark.parametrize("run_id", ["..", "../..", "..%2f..%2fetc", "%2e%2e", "%00", "x' OR 1=1 --", "a" * 3000, "٣"])
 def test_an_id_leads_nowhere_else(api, server, run_id):
     api.post("runs", json=SHORT)
     for rest in ("", "/recording.npz", "/run.json", "/events", "/recording.npz/../../../runs.sqlite"):
-        answer = httpx.get(f"{server.url}api/v1/runs/{run_id}{rest}")
-        assert answer.status_code in (404, 422) and set(answer.json()) == {"detail", "errors"}
+        response = httpx.get(f"{server.url}api/v1/runs/{run_id}{rest}")
+        assert response.status_code in (404, 422) and set(response.json()) == {"detail", "errors"}
 
 
 def test_an_unknown_ending_is_refused(api):

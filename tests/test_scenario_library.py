@@ -1,15 +1,10 @@
 """Every scenario that ships keeps its expectations: quickly as a point mass on the paper's ticks, and as it ships."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-import yaml
 
-from app.formats import FORMATS
 from walkcore import load_scenario, record, scenario_names
-from walkcore.scenario.expectations import METRICS
-from walkcore.scenario.scenario import scenario_from_mapping
 
 COARSE = {"control_period": 0.1}  # [s]
 OF_THE_BODY = ("cop_error", "com_error", "sole_error", "torque_use", "speed_use")
@@ -44,11 +39,3 @@ def test_there_are_a_dozen_each_with_a_description():
     scenarios = [load_scenario(name) for name in scenario_names()]
     assert len(scenarios) >= 12
     assert all(20 < len(scenario.description) < 140 and scenario.expectations for scenario in scenarios)
-
-
-def test_the_documentation_names_all_that_there_is():
-    text = (Path(__file__).parent.parent / "docs" / "scenarios.md").read_text(encoding="utf-8")
-    for name in (*scenario_names(), *METRICS, *FORMATS):
-        assert f"`{name}`" in text, name
-    example = text.split("```yaml\n")[1].split("```")[0]
-    assert len(scenario_from_mapping(yaml.safe_load(example)).expectations) == 3

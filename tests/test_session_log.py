@@ -54,16 +54,16 @@ def test_the_outcome_of_a_push_on_the_page_is_that_in_the_metrics_of_the_saved_w
     control = Control(load_robot("hrp2"), Parameters(control_period=0.02), lambda _: None)
     control.start()
     control.set_reference(ReferenceCommand(Reference(vx=0.2), "rest"))
-    told = {}
+    shown = {}
     for tick in range(700):
         if tick in (300, 500):
             control.push(Push([0.0, 5.0], 0.1))
         control.tick()
         if (push := control.latest.last_push) is not None:
-            told[push.t] = (push.impulse, push.time, push.steps)
+            shown[push.t] = (push.impulse, push.time, push.steps)
     driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
     measured = {p["t"]: (p["impulse"], p["time"], p["steps"]) for p in driven.metrics()["pushes"]}
-    assert measured == told and all(steps > 0 for _, _, steps in told.values())
+    assert measured == shown and all(steps > 0 for _, _, steps in shown.values())
 
 
 def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario():

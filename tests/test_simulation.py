@@ -43,14 +43,14 @@ def test_the_same_commands_give_the_same_bytes(robot):
 
 
 @pytest.mark.parametrize("control_period", [0.005, 0.02, 0.1])
-def test_the_robot_walks_at_the_speed_asked(control_period):
+def test_the_robot_walks_at_the_reference_velocity(control_period):
     simulation = Simulation(HRP2, Parameters(control_period=control_period))
     start = walk(simulation, 4.0, Reference(vx=0.3))[-1]
     end = walk(simulation, 4.8, Reference(vx=0.3))[-1]
     assert (end.com.position[0] - start.com.position[0]) / 4.8 == pytest.approx(0.3, rel=0.02)
 
 
-def test_a_new_reference_is_answered_within_one_tick():
+def test_a_new_reference_changes_the_jerk_within_one_tick():
     asked, idle = Simulation(HRP2), Simulation(HRP2)
     walk(asked, 2.0 + 0.015, Reference())
     walk(idle, 2.0 + 0.015, Reference())
@@ -80,7 +80,7 @@ def test_pushes_overlap():
     assert np.allclose(np.sum(given, axis=0), [0.95, 2.0])
 
 
-def test_a_shove_that_no_step_can_catch_is_a_fall_that_is_told_and_stays():
+def test_a_push_that_no_step_can_catch_is_a_fall_that_is_reported_and_lasts():
     simulation = Simulation(HRP2, STEPPING)
     walk(simulation, 2.4, Reference())
     snapshots = walk(simulation, 4.0, Reference(), Push([0.0, 60.0]))
@@ -112,8 +112,8 @@ def test_random_walks_never_fall_and_hardly_ever_need_the_margin():
     limits = HRP2.max_reference
     seen = []
     for _ in range(60):
-        wish = {name: rng.choice([low, 0.0, high, rng.uniform(low, high)]) for name, (low, high) in limits.items()}
-        seen += [snapshot.status for snapshot in walk(simulation, rng.uniform(0.1, 3.0), Reference(**wish))]
+        reference = {name: rng.choice([low, 0.0, high, rng.uniform(low, high)]) for name, (low, high) in limits.items()}
+        seen += [snapshot.status for snapshot in walk(simulation, rng.uniform(0.1, 3.0), Reference(**reference))]
     assert Status.FALLEN not in seen
     assert seen.count(Status.RELAXED) < 0.01 * len(seen)
 
@@ -173,7 +173,7 @@ def test_clamping_brings_a_reference_within_the_limits():
     assert clamped.vx == HRP2.max_reference["vx"][1]
 
 
-def test_the_robot_stands_still_until_it_is_asked_to_walk():
+def test_the_robot_stands_still_until_a_reference_comes():
     snapshots = walk(Simulation(HRP2), 2.0, Reference())
     assert all(s.phase is Phase.STANDING for s in snapshots)
     assert np.allclose([s.com.position for s in snapshots], 0.0, atol=1e-6)
@@ -211,7 +211,7 @@ def test_a_push_at_rest_is_stood_if_it_can_be_and_stepped_if_it_must_be(impulse,
     assert np.linalg.norm(snapshots[-1].com.velocity) < 5e-3
 
 
-def test_the_first_step_goes_where_the_robot_is_asked_to_go():
+def test_the_first_step_goes_where_the_reference_leads():
     for reference, swings in ((Reference(vy=0.2), Side.LEFT), (Reference(vy=-0.2), Side.RIGHT)):
         first = next(s for s in walk(Simulation(HRP2), 2.0, reference) if s.phase is Phase.SINGLE_SUPPORT)
         assert first.support.side is swings.other

@@ -1,4 +1,4 @@
-"""What a tick spends its time on, by a clock that the test brings."""
+"""Durations of the stages of a tick, by a clock of the test."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ WALKING = Command(Reference(vx=0.2))
 
 
 class Ticking:
-    """A clock that is a second later at each look."""
+    """A clock that is a second later at each reading."""
 
     def __init__(self) -> None:
         self.now = 0.0

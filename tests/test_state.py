@@ -17,7 +17,7 @@ LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
 
 
 def drive(simulation, nb_ticks, seed=0):
-    """A hand that changes its mind, shoves, and turns knobs; what it did, and what came of it."""
+    """Random references, pushes and changes of parameters: the commands, the changes and the snapshots."""
     rng = np.random.default_rng(seed)
     reference, commands, changes, snapshots = Reference(), [], {}, []
     for i in range(nb_ticks):
@@ -25,8 +25,8 @@ def drive(simulation, nb_ticks, seed=0):
             reference = Reference(rng.uniform(-0.1, 0.3), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
         push = Push(rng.uniform(-4.0, 4.0, 2), rng.uniform(0.0, 0.1)) if rng.random() < 0.01 else None
         if rng.random() < 0.01:
-            knobs = {"alpha": float(10 ** rng.uniform(-6, -4)), "step_duration": float(rng.choice([0.6, 0.8, 1.0]))}
-            changes[i] = simulation.parameters.changed(knobs)
+            values = {"alpha": float(10 ** rng.uniform(-6, -4)), "step_duration": float(rng.choice([0.6, 0.8, 1.0]))}
+            changes[i] = simulation.parameters.changed(values)
             simulation.change(changes[i])
         commands.append(Command(reference, push))
         snapshots.append(simulation.step(commands[-1]))

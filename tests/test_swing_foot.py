@@ -39,15 +39,15 @@ coordinate = st.floats(-0.5, 0.5)
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=20), st.floats(-1.0, 1.0))
-def test_no_late_change_within_the_speed_bound_makes_the_foot_faster_than_it(wishes, yaw):
+def test_no_late_change_within_the_speed_bound_makes_the_foot_faster_than_it(decided, yaw):
     c, s = np.cos(yaw), np.sin(yaw)
     R = np.array([[c, -s], [s, c]])
     foot, nb_ticks = standing(START), 140
     for i in range(nb_ticks):
         time_left = (nb_ticks - i) * TICK
-        wish = np.array(wishes[i * len(wishes) // nb_ticks])
+        foothold = np.array(decided[i * len(decided) // nb_ticks])
         # What the QP may decide at this tick: (30).
-        allowed = np.clip(R.T @ (wish - foot.position), -time_left * MAX_SPEED[:2], time_left * MAX_SPEED[:2])
+        allowed = np.clip(R.T @ (foothold - foot.position), -time_left * MAX_SPEED[:2], time_left * MAX_SPEED[:2])
         target = foot.position + R @ allowed
         after = swing(foot, Footstep(Side.LEFT, target, 0.0), time_left, TICK, MAX_SPEED, yaw, 0.0)
         speed = np.abs(R.T @ (after.position - foot.position)) / TICK

@@ -60,9 +60,9 @@ EVERYTHING = [
     ],
 )
 def test_nothing_is_shown_without_the_token(client, path, headers):
-    answer = client.get(path, headers=headers)
-    assert answer.status_code == 401 and answer.headers["www-authenticate"] == "Bearer"
-    assert set(answer.json()) == {"detail", "errors"}
+    response = client.get(path, headers=headers)
+    assert response.status_code == 401 and response.headers["www-authenticate"] == "Bearer"
+    assert set(response.json()) == {"detail", "errors"}
 
 
 @pytest.mark.parametrize("method", ["PUT", "POST", "PATCH", "DELETE", "HEAD", "OPTIONS"])
@@ -91,9 +91,9 @@ def test_programs_show_the_token_as_a_bearer(client):
 
 
 def test_a_browser_gets_a_cookie_that_scripts_cannot_read_and_that_is_not_the_token(client):
-    answer = sign_in(client)
-    assert answer.status_code == 303 and answer.headers["location"] == "/"
-    cookie = answer.headers["set-cookie"]
+    response = sign_in(client)
+    assert response.status_code == 303 and response.headers["location"] == "/"
+    cookie = response.headers["set-cookie"]
     assert "HttpOnly" in cookie and "SameSite=lax" in cookie and "Secure" not in cookie
     assert "horse" not in cookie
     for path in ("", "viewer/", "static/main.js", "api/v1/live"):
@@ -104,9 +104,9 @@ def test_a_browser_gets_a_cookie_that_scripts_cannot_read_and_that_is_not_the_to
 
 def test_a_wrong_token_gets_no_cookie(client):
     for token in ("", "wrong", TOKEN + " ", "x" * 5000):
-        answer = sign_in(client, token)
-        assert answer.status_code == 303 and "set-cookie" not in answer.headers
-        assert answer.headers["location"].startswith("/signin?wrong")
+        response = sign_in(client, token)
+        assert response.status_code == 303 and "set-cookie" not in response.headers
+        assert response.headers["location"].startswith("/signin?wrong")
     assert client.get("").status_code == 401
 
 
@@ -126,8 +126,8 @@ def test_signing_in_leads_on_and_never_to_another_site(client, place, leads_to):
 
 
 def test_behind_a_proxy_with_tls_the_cookie_is_for_tls_only(client):
-    answer = client.post("signin", data={"token": TOKEN}, headers={"X-Forwarded-Proto": "https"})
-    assert "Secure" in answer.headers["set-cookie"]
+    response = client.post("signin", data={"token": TOKEN}, headers={"X-Forwarded-Proto": "https"})
+    assert "Secure" in response.headers["set-cookie"]
 
 
 def test_a_person_is_shown_the_form_and_then_the_page(server):

@@ -36,7 +36,7 @@ def chest_of(page):
 
 
 def push_by(pointer, chest, api):
-    """Drag to the right and let go; until the robot is there to be taken hold of, nothing comes of it."""
+    """Drag to the right and let go, until the meshes are loaded and the drag pushes the robot."""
 
     def pushed():
         pointer.drag(chest, (chest[0] + 90, chest[1]))

@@ -1,4 +1,4 @@
-"""A cache of a method's answers that goes with its object."""
+"""A cache of a method's results that ends with its object."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -10,10 +10,10 @@ R = TypeVar("R")
 
 
 def instance_cache(method: Callable[P, R], maxsize: int) -> Callable[P, R]:
-    """A bound method that keeps its latest answers, for its object to hold.
+    """A bound method that caches its latest results, for its object to hold.
 
-    Unlike a cache of the bound method it does not hold the object, so both go with the last user,
-    and nothing is left for the collector of garbage, which a control loop cannot let come when it likes.
+    Unlike a cache of the bound method it does not hold the object, so both end with the last user,
+    and nothing is left for the garbage collector, which would interrupt a control loop.
     """
     bound = cast(Any, method)
     without_object = partial(bound.__func__, proxy(bound.__self__))

@@ -36,7 +36,7 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
 
 
-@dataclass(frozen=True)  # no slots: every tick asks many times for the properties, which are computed once
+@dataclass(frozen=True)  # no slots: every tick reads the properties many times, and they are computed once
 class Parameters:
     """Weights, horizon, timing and margins of the walking motion generation."""
 

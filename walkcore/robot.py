@@ -62,7 +62,7 @@ class FootholdRegion:
     highest_yaw: float
     """[rad]."""
     vertices: Matrix
-    """In the right foot's frame [m], shape (V, 2)."""
+    """Corners in the right foot's frame [m], shape (V, 2)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -330,6 +330,6 @@ def _first_support(reference: Reference) -> Side:
     return Side.RIGHT if goes_left else Side.LEFT
 
 
-@lru_cache(maxsize=8)  # a tick asks several times for the feet that it has
+@lru_cache(maxsize=8)  # a tick reads its feet several times
 def _footstep(side: Side, foot: FootState) -> Footstep:
     return Footstep(side, foot.position, foot.yaw)

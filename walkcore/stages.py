@@ -1,4 +1,4 @@
-"""Durations of the stages of a tick, on a clock that the caller brings: the core reads none."""
+"""Durations of the stages of a tick, by the caller's clock: the core reads none."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -12,7 +12,7 @@ class Stages(Protocol):
         ...
 
     def lap(self, stage: str) -> None:
-        """Note that a stage is over, which went on since the last call."""
+        """Note that a stage is over, which lasted since the last call."""
         ...
 
 
@@ -20,7 +20,11 @@ class Stopwatch:
     """Durations of the stages of the latest tick."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """Read the time from `clock` [s]."""
+        """Start with no stages.
+
+        Args:
+            clock: gives the time [s].
+        """
         self._clock = clock
         self._last = 0.0
         self.laps: dict[str, float] = {}

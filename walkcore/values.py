@@ -30,13 +30,23 @@ def frozen_copy(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vecto
 
 
 def freeze(array: Vector) -> Vector:
-    """`array` itself, which nobody else has yet, so that nobody will write to it."""
+    """The array itself, read-only from now on; only for an array that nobody else holds.
+
+    Args:
+        array: of any shape.
+    """
     array.flags.writeable = False
     return array
 
 
 def check_range(field: str, value: object, low: float = -math.inf, high: float = math.inf) -> float:
     """`value` as a float, if it is finite and within [low, high].
+
+    Args:
+        field: its name in the error.
+        value: whatever came from outside.
+        low: least value.
+        high: largest value.
 
     Raises:
         InvalidValueError: if it is not; NaN and infinities never pass.
@@ -70,7 +80,14 @@ def check_whole(field: str, value: object, low: int, high: int) -> int:
 
 
 def check_vector(field: str, value: object, size: int, low: float = -math.inf, high: float = math.inf) -> Vector:
-    """`value` as an array, read-only, if it is a list of `size` finite numbers within [low, high].
+    """`value` as a read-only array, if it is a list of finite numbers within [low, high].
+
+    Args:
+        field: its name in the error.
+        value: whatever came from outside.
+        size: number of components.
+        low: least value of each.
+        high: largest value of each.
 
     Raises:
         InvalidValueError: naming the component that is not.
@@ -119,6 +136,10 @@ def check_keys(what: str, given: Mapping[str, Any], known: set[str]) -> None:
 
 
 def rotation(yaw: float) -> Matrix:
-    """Rotation in the plane by `yaw` [rad], shape (2, 2): R_world_foot of a foot with that yaw."""
+    """Rotation in the plane, R_world_foot of a foot with that yaw, shape (2, 2).
+
+    Args:
+        yaw: counter-clockwise [rad].
+    """
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s], [s, c]])

@@ -79,8 +79,8 @@ def margins_at_samples(recording: Recording) -> Vector:
         local = np.column_stack([c * dx + s * dy, c * dy - s * dx])
         ground = polygon(outline)
         along = local @ ground.normals.T
-        room = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
-        margins[support_sides == number] = room[support_sides == number]
+        distance = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
+        margins[support_sides == number] = distance[support_sides == number]
     return margins
 
 

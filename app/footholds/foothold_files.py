@@ -20,7 +20,7 @@ from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import FootholdRegion
 from walkcore.values import Matrix
 
-# Told apart by shape as well as by colour.
+# Distinguished by shape as well as by colour.
 MARKERS: dict[Feasibility, tuple[str, str]] = {
     Feasibility.SAFE: (".", "#2ba455"),
     Feasibility.REACH: ("x", "#1f6fb4"),

@@ -109,7 +109,7 @@ def _tick_metrics(timing: TickTiming) -> Iterator[Metric]:
 
 def _walk_metrics(state: LiveState) -> Iterator[Metric]:
     factor = state.timing.real_time_factor
-    yield GaugeMetricFamily("walk_real_time_factor", "Simulated time over what the speed asks for.", factor)
+    yield GaugeMetricFamily("walk_real_time_factor", "Simulated time over real time times the requested speed.", factor)
     yield GaugeMetricFamily("walk_speed", "Requested ratio of simulated to real time.", state.speed)
     yield GaugeMetricFamily("walk_running", "1 while time passes, 0 while paused.", state.running)
     yield GaugeMetricFamily("walk_fault", "1 while an error holds the robot.", bool(state.fault))

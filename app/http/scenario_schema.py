@@ -157,7 +157,7 @@ STATE = _complete(
     q_before=_optional(CONFIGURATION),
 )
 SCENARIO = {"title": "Scenario"} | _object(
-    "A scripted walk: a robot, its parameters, references and pushes, and bounds on what comes of them.",
+    "A scripted walk: a robot, its parameters, references and pushes, and bounds on its metrics.",
     ("duration",),
     name=_text("Name of the scenario.", default="unnamed"),
     description=_text("What the scenario is for.", default=""),

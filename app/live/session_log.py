@@ -1,6 +1,6 @@
 """The last minute of the live walk, always kept, so that what was just driven can be saved as a run.
 
-It is kept in short segments: the state before each, and for each tick the command and the snapshot that came of it.
+It is kept in short segments: the state before each, and for each tick the command and the snapshot.
 From these the same walk can be replayed, and its recording written without walking again. Full segments are packed
 between two ticks.
 """

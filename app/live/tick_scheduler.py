@@ -23,7 +23,7 @@ class TickTiming:
     misses: int
     """Ticks that started more than one period late."""
     real_time_factor: float
-    """Simulated time of the last seconds over what the speed asks for: 1 where the walk keeps up."""
+    """Simulated time of the last seconds over real time times the requested speed: 1 where the walk keeps up."""
     ticks: int
     """Ticks taken on schedule since the control process started; single ticks of a paused robot do not count."""
     lateness: tuple[int, ...]

@@ -16,7 +16,7 @@ class UnknownRunError(Exception):
 
 
 class NoRecordingError(Exception):
-    """A run has nothing to hand out, not yet or not at all."""
+    """A run has no recording, not yet or not at all."""
 
 
 class RunsUnavailableError(Exception):

@@ -86,7 +86,12 @@ def heading_velocity(walk: Walk) -> Matrix:
 
 
 def nb_ticks_of(walk: Walk, duration: float) -> int:
-    """Ticks that a duration [s] takes."""
+    """Number of ticks that a duration takes.
+
+    Args:
+        walk: gives the control period.
+        duration: [s].
+    """
     return round(duration / float(walk.parameters["control_period"]))
 
 

@@ -35,12 +35,12 @@ class SteadyWalk:
 
     @property
     def velocity_error(self) -> float:
-        """[m/s]."""
+        """Distance of the mean velocity from the reference [m/s]."""
         return float(np.hypot(*np.subtract(self.mean_velocity, self.reference)[:2]))
 
     @property
     def yaw_rate_error(self) -> float:
-        """[rad/s]."""
+        """Distance of the mean yaw rate from the reference [rad/s]."""
         return abs(self.mean_velocity[2] - self.reference[2])
 
 

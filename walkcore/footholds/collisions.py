@@ -81,5 +81,9 @@ class LegDistances:
         return np.array([result.min_distance for result in self._geometry_data.distanceResults])
 
     def clearance(self, q: Vector) -> float:
-        """Least distance of a pair beyond its safety distance [m]; negative where a pair is too close."""
+        """Least distance of a pair beyond its safety distance [m]; negative where a pair is too close.
+
+        Args:
+            q: configuration of the body, shape (nq,).
+        """
         return float(np.min(self.distances(q) - self._required))

@@ -52,6 +52,10 @@ def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices:
 def deepest(allowed: Matrix, forbidden: Matrix) -> Vector:
     """The allowed point that is the furthest from all forbidden ones, shape (2,) [m].
 
+    Args:
+        allowed: points, shape (P, 2) [m].
+        forbidden: points, shape (F, 2) [m].
+
     Raises:
         EmptyRegionError: if none is allowed.
     """
@@ -63,10 +67,12 @@ def deepest(allowed: Matrix, forbidden: Matrix) -> Vector:
 
 
 def inside(corners: Matrix, points: Matrix, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Whether each point, shape (P, 2), lies in a counter-clockwise polygon, on its edge, or up to `margin` [m] beyond.
+    """Whether each point lies in a polygon, on its edge, or up to a margin beyond; shape (P,).
 
-    Returns:
-        Shape (P,).
+    Args:
+        corners: of the polygon, counter-clockwise, shape (V, 2) [m].
+        points: shape (P, 2) [m].
+        margin: [m].
     """
     along = np.roll(corners, -1, axis=0) - corners
     to_point = points[:, None, :] - corners[None]
@@ -75,16 +81,23 @@ def inside(corners: Matrix, points: Matrix, margin: float = 0.0) -> NDArray[np.b
 
 
 def area(corners: Matrix) -> float:
-    """Area of a counter-clockwise polygon, shape (V, 2) [m^2]."""
+    """Area of a polygon [m^2].
+
+    Args:
+        corners: counter-clockwise, shape (V, 2) [m].
+    """
     x, y = corners.T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
 
 
 def intersection(polygons: Sequence[Matrix]) -> Matrix:
-    """Corners of what convex polygons have in common, all counter-clockwise, shape (V, 2) [m].
+    """Corners of the intersection of convex polygons, counter-clockwise, shape (V, 2) [m].
+
+    Args:
+        polygons: the corners of each, counter-clockwise, shape (V, 2) [m].
 
     Raises:
-        EmptyRegionError: if that is nothing.
+        EmptyRegionError: if they have nothing in common.
     """
     corners = polygons[0]
     for other in polygons[1:]:

@@ -101,7 +101,11 @@ class StepFeasibility:
         self._rest = self._body.at_rest(BodyTarget(np.array([0.0, 0.0, self.com_height]), *feet, heading=0.0))
 
     def placement(self, placement: Vector) -> Feasibility:
-        """Feasibility of a placement x, y [m], yaw [rad], shape (3,), in a walk of steps that mirror each other."""
+        """Feasibility of a placement in a walk of steps that mirror each other.
+
+        Args:
+            placement: x, y [m], yaw [rad] of the left foot in the right foot's frame, shape (3,).
+        """
         return self.step(placement_before(placement), placement)
 
     def step(self, before: Vector, after: Vector) -> Feasibility:

@@ -27,7 +27,12 @@ SPARE_PLACEMENTS = 8  # sampled for each step that is tried: enough of them lie 
 
 
 def contains(region: FootholdRegion, placements: Matrix) -> NDArray[np.bool_]:
-    """Whether each placement x, y [m], yaw [rad] of the left foot, shape (P, 3), lies in a region; shape (P,)."""
+    """Whether each placement lies in a region; shape (P,).
+
+    Args:
+        region: of the left foot.
+        placements: x, y [m], yaw [rad] of the left foot in the right foot's frame, shape (P, 3).
+    """
     yaw = placements[:, 2]
     is_in_band = (region.lowest_yaw <= yaw) & (yaw <= region.highest_yaw)
     return is_in_band & inside(region.vertices, placements[:, :2])

@@ -1,1 +1,1 @@
-"""From a plan to feet in the air, an offset of the CoM, and joint angles."""
+"""Motion that follows a plan: the foot in the air, an offset of the CoM, and joint angles."""

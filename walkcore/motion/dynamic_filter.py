@@ -47,7 +47,13 @@ class Offset:
     """xi, smoothed [m], shape (2,)."""
 
     def towards(self, divergent: Vector, omega: float, period: float) -> "Offset":
-        """One tick later, if the divergent offset of the plan, `SMOOTHING` from now, is as given [m], shape (2,)."""
+        """The offset one tick later, on its way to the DCM offset of the plan.
+
+        Args:
+            divergent: DCM offset `SMOOTHING` from now, world frame [m], shape (2,).
+            omega: sqrt(g/h) [1/s].
+            period: duration of the tick [s].
+        """
         smoothed = self.divergent + (1.0 - math.exp(-period / SMOOTHING)) * (divergent - self.divergent)
         position = self.position + (1.0 - math.exp(-omega * period)) * (smoothed - self.position)
         return Offset(frozen_copy(position), frozen_copy(smoothed))
@@ -73,7 +79,13 @@ class Motion:
 
 
 def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
-    """The DCM offset xi, `SMOOTHING` from now, that the offset has to follow, world frame [m], shape (2,)."""
+    """The DCM offset xi, `SMOOTHING` from now, that the offset has to follow, world frame [m], shape (2,).
+
+    Args:
+        motion: planned at this tick.
+        moments: of the robot's swinging masses.
+        omega: sqrt(g/h) [1/s].
+    """
     return freeze(_of_swings(motion, moments, omega) + moments.com * _of_com(motion, omega))
 
 

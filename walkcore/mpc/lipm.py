@@ -33,7 +33,11 @@ class CoMState:
 
     @classmethod
     def at_rest(cls, position: Vector) -> "CoMState":
-        """The CoM resting at a position [m], shape (2,)."""
+        """The CoM at rest.
+
+        Args:
+            position: in the world frame [m], shape (2,).
+        """
         return cls(np.array([position, np.zeros(2), np.zeros(2)]))
 
     @property
@@ -52,11 +56,20 @@ class CoMState:
         return self.matrix[2]
 
     def pushed(self, velocity_change: Vector) -> "CoMState":
-        """The state after an impulse: only the velocity jumps, by `velocity_change` [m/s], shape (2,)."""
+        """The state after an impulse: only the velocity jumps.
+
+        Args:
+            velocity_change: impulse over mass, world frame [m/s], shape (2,).
+        """
         return CoMState(np.array([self.position, self.velocity + velocity_change, self.acceleration]))
 
     def integrated(self, jerk: Vector, duration: float) -> "CoMState":
-        """The state after a constant `jerk` [m/s^3], shape (2,), over `duration` [s]: (1)-(4)."""
+        """The state after a constant jerk: (1)-(4).
+
+        Args:
+            jerk: in the world frame [m/s^3], shape (2,).
+            duration: [s].
+        """
         A, B = _transition(duration)
         return CoMState(freeze(A @ self.matrix + B * jerk))
 

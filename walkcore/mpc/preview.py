@@ -41,7 +41,11 @@ class Layout:
         return self.nb_samples + self.nb_free_footholds
 
     def split(self, u: Vector) -> tuple[Matrix, Matrix]:
-        """Jerks [m/s^3], shape (N, 2), and footholds [m], shape (m, 2); slacks that follow u are left out."""
+        """Jerks [m/s^3], shape (N, 2), and footholds [m], shape (m, 2), in the world frame.
+
+        Args:
+            u: solution of the QP; slacks that follow its first 2 (N + m) numbers are left out.
+        """
         axes = u[: 2 * self.axis].reshape(2, self.axis).T
         return np.ascontiguousarray(axes[: self.nb_samples]), FOOTHOLD_SCALE * axes[self.nb_samples :]
 
@@ -106,7 +110,13 @@ class Preview:
         return AffineMap(np.zeros((nb_points, layout.axis)), np.zeros((nb_points, nb_inputs)))
 
     def beside_stance(self, Pxs: Matrix, Pxu: Matrix, samples: slice = slice(None)) -> AffineMap:
-        """Points Pxs x + Pxu u of the samples, relative to the centres of their stances (20)-(21)."""
+        """Points Pxs x + Pxu u of the samples, relative to the centres of their stances (20)-(21).
+
+        Args:
+            Pxs: from the state of the CoM to the points, shape (N, 3).
+            Pxu: from the jerks to the points, shape (N, N).
+            samples: that are taken; all by default.
+        """
         N, stances = self.lipm.nb_samples, self.stances
         points = self.zeros(len(Pxs[samples]))
         points.D[:, :N] = Pxu[samples]

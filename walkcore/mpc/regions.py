@@ -30,7 +30,10 @@ class HalfPlanes:
     """[m], shape (E,)."""
 
     def inset(self, margin: float) -> "HalfPlanes":
-        """The points at least `margin` [m] inside.
+        """The part of the polygon that keeps a margin from its edges.
+
+        Args:
+            margin: [m].
 
         Raises:
             EmptyRegionError: if a pair of parallel edges leaves nothing between them.
@@ -41,7 +44,11 @@ class HalfPlanes:
         return HalfPlanes(self.normals, lower, upper)
 
     def rotated(self, yaw: float) -> "HalfPlanes":
-        """The same polygon turned about the origin by `yaw` [rad]."""
+        """The same polygon turned about the origin.
+
+        Args:
+            yaw: counter-clockwise [rad].
+        """
         return _rotated(self, yaw)
 
     @property
@@ -50,14 +57,23 @@ class HalfPlanes:
         return self.upper - self.lower
 
     def fraction_inside(self, start: Vector, move: Vector) -> float:
-        """Fraction of a move from a point inside that stays inside, in [0, 1]."""
+        """Fraction of a move from a point inside that stays inside, in [0, 1].
+
+        Args:
+            start: the point, in the frame of the polygon [m], shape (2,).
+            move: from there [m], shape (2,).
+        """
         at, along = self.normals @ start, self.normals @ move
-        room = np.where(along > 0.0, self.upper - at, self.lower - at)
+        distance = np.where(along > 0.0, self.upper - at, self.lower - at)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return float(np.clip(np.min(np.where(np.abs(along) > 1e-12, room / along, np.inf)), 0.0, 1.0))
+            return float(np.clip(np.min(np.where(np.abs(along) > 1e-12, distance / along, np.inf)), 0.0, 1.0))
 
     def excess(self, point: Vector) -> float:
-        """Distance of a point from the polygon [m]; negative inside, then that to the nearest edge."""
+        """Distance of a point from the polygon [m]; inside, that to the nearest edge as a negative number.
+
+        Args:
+            point: in the frame of the polygon [m], shape (2,).
+        """
         along = self.normals @ point
         return float(np.maximum(self.lower - along, along - self.upper).max())
 
@@ -98,10 +114,14 @@ def box(half_widths: ArrayLike) -> HalfPlanes:
 
 
 def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
-    """Corners of the points at least `margin` [m] inside a convex polygon, both of shape (V, 2).
+    """Corners of the part of a convex polygon that keeps a margin from its edges, shape (V', 2) [m].
+
+    Args:
+        vertices: of the polygon, shape (V, 2) [m].
+        margin: [m].
 
     Raises:
-        EmptyRegionError: if there are none.
+        EmptyRegionError: if nothing is left.
     """
     hull = ConvexHull(vertices)
     halfspaces = hull.equations + [0.0, 0.0, margin]
@@ -113,7 +133,12 @@ def inset_vertices(vertices: Matrix, margin: float) -> Matrix:
 
 
 def closest_band(bands: Sequence[tuple[float, float]], yaw: float) -> int:
-    """Index of the first band of yaws that holds `yaw` [rad], or of the nearest one."""
+    """Index of the first band of yaws that holds a yaw, or of the nearest one.
+
+    Args:
+        bands: lowest and highest yaw of each [rad].
+        yaw: [rad].
+    """
     for i, (low, high) in enumerate(bands):
         if low <= yaw <= high:
             return i

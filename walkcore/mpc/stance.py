@@ -43,7 +43,7 @@ class Footstep:
         object.__setattr__(self, "position", frozen_copy(self.position, shape=(2,)))
 
 
-@dataclass(frozen=True, eq=False)  # no slots: the polygon is worked out once, when somebody asks
+@dataclass(frozen=True, eq=False)  # no slots: the polygon is computed once, at its first use
 class Stance:
     """The foot, or both feet, that carry the robot."""
 
@@ -85,7 +85,11 @@ def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
 
 
 def mirrored(vertices: Matrix) -> Matrix:
-    """Vertices, shape (V, 2), reflected from the left of the robot to its right."""
+    """Vertices reflected from the left of the robot to its right, shape (V, 2).
+
+    Args:
+        vertices: in a foot's frame [m], shape (V, 2).
+    """
     return vertices * [1.0, -1.0]
 
 

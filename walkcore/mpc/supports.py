@@ -42,7 +42,7 @@ class WalkingProblem:
     """The other foot, where it is now."""
     horizon: Horizon
     reference: Reference
-    """In the heading frame."""
+    """Reference velocity in the heading frame."""
     heading: float
     """Heading of the robot in the world [rad]."""
 
@@ -130,7 +130,11 @@ class SupportGeometry:
         return self._supports(feet, stances, other)
 
     def reach(self, time_to_touchdown: float) -> Vector:
-        """Distance that a foot can fly along the axes of the support foot in some time [s]: (30) [m], shape (2,)."""
+        """Distance that a foot can fly, along x and y of the support foot's frame (30) [m], shape (2,).
+
+        Args:
+            time_to_touchdown: [s].
+        """
         return time_to_touchdown * self._robot.max_foot_speed
 
     def planned_footholds(self, problem: WalkingProblem, supports: Supports) -> Matrix:

@@ -23,7 +23,11 @@ class Event:
     """All parameters, from then on."""
 
     def tick(self, control_period: float) -> int:
-        """The first tick of the scenario that is not before the event."""
+        """The first tick of the scenario that is not before the event.
+
+        Args:
+            control_period: duration of a tick [s].
+        """
         return math.ceil(self.t / control_period - 1e-6)
 
 

@@ -193,7 +193,7 @@ def _walked(simulation: Simulation, scenario: Scenario) -> Iterator[Snapshot]:
 
 
 def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody | None) -> Recording:
-    """The recording of snapshots that have come of a scenario, one a tick.
+    """The recording of the snapshots of a scenario, one a tick.
 
     Args:
         scenario: that leads to them.

@@ -35,7 +35,7 @@ class Scenario:
     parameters: Parameters
     """Parameters at the beginning."""
     events: tuple[Event, ...]
-    """In the order of their times, which count from the beginning of the scenario."""
+    """Events in the order of their times, which count from the beginning of the scenario."""
     source: Mapping[str, Any]
     """The mapping that it was read from."""
     description: str = ""

@@ -115,7 +115,7 @@ def add_arrow(server: viser.ViserServer, name: str, colour: Colour, radius: floa
 
 @dataclass(frozen=True, slots=True)
 class PolygonStyle:
-    """Look of a polygon on the ground."""
+    """Style of a polygon on the ground."""
 
     colour: Colour
     height: float
