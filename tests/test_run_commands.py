@@ -142,24 +142,3 @@ def test_scenarios_are_listed_with_what_they_are_and_their_schema():
     listed = walk("scenarios").stdout
     assert "circle" in listed and "A whole circle to the left" in listed
     assert json.loads(walk("scenarios", "--schema").stdout)["title"] == "Scenario"
-
-
-# A format from outside, added by one entry before the command is loaded.
-ADDING_A_FORMAT = """
-import sys
-from types import MappingProxyType
-import app.formats as formats
-def write(recording, run_json, path):
-    path.write_text(str(len(recording.rows)))
-entry = formats.Format("ticks", "text/plain", "number of ticks", write)
-formats.FORMATS = MappingProxyType({**formats.FORMATS, entry.ending: entry})
-from app.commands.cli import main
-main()
-"""
-
-
-def test_a_format_is_added_by_one_entry(tmp_path):
-    (tmp_path / "short.yaml").write_text(SHORT.format(robot="hrp2", bound=9))
-    command = [sys.executable, "-c", ADDING_A_FORMAT, "run", tmp_path / "short.yaml", "--out", tmp_path]
-    subprocess.run([*command, "--format", "ticks"], check=True, capture_output=True)
-    assert (tmp_path / "recording.ticks").read_text() == "20"

@@ -34,6 +34,8 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """Lowest and highest value of each parameter that is a number."""
 COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
+FIXED = ("control_period", "sampling_period", "double_support_duration", "com_height", "gravity")
+"""Parameters that hold for a whole walk."""
 
 
 @dataclass(frozen=True)  # no slots: every tick reads the properties many times, and they are computed once
@@ -143,7 +145,7 @@ class Parameters:
         Raises:
             InvalidValueError: for the first one that a walk has to begin with.
         """
-        for name in ("control_period", "sampling_period", "com_height", "gravity"):
+        for name in FIXED:
             if getattr(new, name) != getattr(self, name):
                 raise InvalidValueError(name, getattr(new, name), f"is {getattr(self, name)} for the whole walk")
         return new

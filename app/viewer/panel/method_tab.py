@@ -10,9 +10,9 @@ from app.descriptions import descriptions
 from app.live.runner import NoResponseError, Runner
 from walkcore import Parameters, WalkError
 from walkcore.mpc.schemes import SCHEMES
-from walkcore.parameters import LIMITS
+from walkcore.parameters import FIXED, LIMITS
 
-NUMBERS = {
+SYMBOLS = {
     "alpha": "α",
     "beta": "β",
     "gamma": "γ",
@@ -24,7 +24,10 @@ NUMBERS = {
     "cop_margin": "margin [m]",
     "swing_height": "h foot [m]",
 }
-"""Label of each parameter that is typed in."""
+"""Labels of parameters that have a shorter one than their name."""
+AT_START = "initial_double_support_duration"  # matters before the first step only
+NUMBERS = {name: SYMBOLS.get(name, name) for name in LIMITS if name not in (*FIXED, AT_START)}
+"""Label of each parameter that is typed in: every number that may change while the robot walks."""
 SWITCHES = {"stepping_in_place": "step in place", "dynamic_filter": "dynamic filter"}
 TIMEOUT = 2.0  # [s] for the control process to respond
 
