@@ -13,7 +13,7 @@ import numpy as np
 
 from walkcore.command import Command, Push, Reference
 from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
-from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, divergent_offset
+from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, dcm_offset
 from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
 from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.gait import Gait, GaitState, Phase
@@ -300,8 +300,8 @@ class Simulation:
             plan=plan,
         )
         omega = self._generator.pendulum.omega
-        divergent = divergent_offset(motion, self.robot.swing_moments, omega)
-        return self._offset.towards(divergent, omega, self.parameters.control_period)
+        dcm = dcm_offset(motion, self.robot.swing_moments, omega)
+        return self._offset.towards(dcm, omega, self.parameters.control_period)
 
     def _body_target(self) -> BodyTarget:
         com = np.array([*(self._com.position + self._offset.position), self._generator.pendulum.height])

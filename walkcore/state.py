@@ -74,7 +74,10 @@ class SimulationState:
                 for push in self.pushes
             ],
             "why_fallen": self.why_fallen,
-            "com_offset": _plain(self.com_offset, OFFSET),
+            "com_offset": {
+                "position": self.com_offset.position.tolist(),
+                "divergent": self.com_offset.dcm.tolist(),
+            },
             "q": None if self.q is None else self.q.tolist(),
             "q_before": None if self.q_before is None else self.q_before.tolist(),
         }
@@ -83,7 +86,7 @@ class SimulationState:
 # The vectors of each part: how many numbers, and how large they may be.
 COM = {"position": (2, FARTHEST), "velocity": (2, 1e3), "acceleration": (2, 1e4)}
 FOOT = {"pose": (3, FARTHEST), "velocity": (3, 1e3), "acceleration": (3, 1e5)}
-OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}
+OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}  # the older name of its DCM, which saved sessions have
 
 
 def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> SimulationState:
@@ -109,7 +112,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
         com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
         pushes=_pushes(values["pushes"], robot),
         why_fallen=values["why_fallen"],
-        com_offset=Offset(**_vectors("initial_state.com_offset", values["com_offset"], OFFSET)),
+        com_offset=Offset(*_vectors("initial_state.com_offset", values["com_offset"], OFFSET).values()),
         q=_configuration("initial_state.q", values["q"], robot),
         q_before=_configuration("initial_state.q_before", values["q_before"], robot),
     )
@@ -121,7 +124,7 @@ KEYS = (
 )
 
 
-def _plain(part: CoMState | FootState | Offset, vectors: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(part: CoMState | FootState, vectors: Mapping[str, Any]) -> dict[str, Any]:
     return {name: getattr(part, name).tolist() for name in vectors}
 
 

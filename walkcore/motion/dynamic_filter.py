@@ -43,18 +43,18 @@ class Offset:
 
     position: Vector
     """d [m], shape (2,)."""
-    divergent: Vector
-    """xi, smoothed [m], shape (2,)."""
+    dcm: Vector
+    """xi, the DCM of the offset, smoothed [m], shape (2,)."""
 
-    def towards(self, divergent: Vector, omega: float, period: float) -> "Offset":
+    def towards(self, dcm: Vector, omega: float, period: float) -> "Offset":
         """The offset one tick later, on its way to the DCM offset of the plan.
 
         Args:
-            divergent: DCM offset `SMOOTHING` from now, world frame [m], shape (2,).
+            dcm: DCM offset `SMOOTHING` from now, world frame [m], shape (2,).
             omega: sqrt(g/h) [1/s].
             period: duration of the tick [s].
         """
-        smoothed = self.divergent + (1.0 - math.exp(-period / SMOOTHING)) * (divergent - self.divergent)
+        smoothed = self.dcm + (1.0 - math.exp(-period / SMOOTHING)) * (dcm - self.dcm)
         position = self.position + (1.0 - math.exp(-omega * period)) * (smoothed - self.position)
         return Offset(frozen_copy(position), frozen_copy(smoothed))
 
@@ -78,7 +78,7 @@ class Motion:
     plan: Plan
 
 
-def divergent_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
+def dcm_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """The DCM offset xi, `SMOOTHING` from now, that the offset has to follow, world frame [m], shape (2,).
 
     Args:

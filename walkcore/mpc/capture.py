@@ -2,9 +2,9 @@
 
     xi = c + dc / omega,    dxi = omega (xi - z),    omega^2 = g / h
 
-The divergent component of motion xi runs away from the centre of pressure z, and nothing
+The divergent component of motion (DCM) xi runs away from the centre of pressure z, and nothing
 but z moves it. Over a double support z goes from the old sole to the new one, then it
-stays in the new one until the next touchdown. So the divergent components xi, seen from
+stays in the new one until the next touchdown. So the DCMs xi, seen from
 the support foot at a touchdown, from which some sequence of footholds keeps the robot
 up for ever, are a convex set B that solves
 

@@ -124,11 +124,11 @@ class PreviewMatrices:
     Pzu: Matrix
     """Jerks to centres of pressure, shape (N, N)."""
     Pds: Matrix
-    """State to divergent components of motion, Pps + Pvs / omega, shape (N, 3)."""
+    """State to DCMs, Pps + Pvs / omega, shape (N, 3)."""
     Pdu: Matrix
-    """Jerks to divergent components of motion, Ppu + Pvu / omega, shape (N, N)."""
+    """Jerks to DCMs, Ppu + Pvu / omega, shape (N, N)."""
     P: Matrix = field(init=False, repr=False)
-    """State and jerks to CoM positions, divergent components and CoPs, one below the other, shape (3 N, 3 + N)."""
+    """State and jerks to CoM positions, DCMs and CoPs, one below the other, shape (3 N, 3 + N)."""
 
     def __post_init__(self) -> None:
         P = np.block([[self.Pps, self.Ppu], [self.Pds, self.Pdu], [self.Pzs, self.Pzu]])
@@ -140,7 +140,7 @@ class PreviewMatrices:
         return len(self.times)
 
     def trajectories(self, com: CoMState, jerks: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """CoM positions, divergent components and CoPs at the samples, world frame [m], shapes (N, 2).
+        """CoM positions, DCMs and CoPs at the samples, world frame [m], shapes (N, 2).
 
         Args:
             com: at the present.
