@@ -233,9 +233,9 @@ def test_preview_of_a_push_on_a_standing_robot_shows_its_effect(scene, impulse, 
     assert latest(scene.updates, "text")[f"{WORLD}/push/preview/at_com/label"].endswith(effect)
     visible = latest(scene.updates, "visible")
     assert any(visible[name] for name in visible if "/steps/" in name) is bool(after.plan.footholds)
-    capture_point = latest(scene.updates, "position")[f"{WORLD}/push/preview/capture_point"][:2]
+    dcm = latest(scene.updates, "position")[f"{WORLD}/push/preview/dcm"][:2]
     jump = np.array(impulse) / robot.mass / now.pendulum.omega
-    assert capture_point == pytest.approx(now.com.position + jump, abs=1e-4)
+    assert dcm == pytest.approx(now.com.position + jump, abs=1e-4)
 
     came = [simulation.step(command), *(simulation.step() for _ in range(400))]
     assert (effect == "fall") is (came[-1].status is Status.FALLEN)

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.drawing.palette import CAPTURE, COM, COP_TRAIL, REFERENCE, SUPPORT, TRUE_COP, Colour
+from app.drawing.palette import COM, COP_TRAIL, DCM, REFERENCE, SUPPORT, TRUE_COP, Colour
 from app.live.runner import LiveState
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
@@ -43,7 +43,7 @@ PLOTS = {
     "CoM velocity [m/s]": (
         Line("forward", COM),
         Line("reference", REFERENCE, is_dashed=True),
-        Line("left", CAPTURE),
+        Line("left", DCM),
         Line("reference", REFERENCE, is_dashed=True),
     ),
     "CoP forward of the support foot [m]": COP_LINES,

@@ -11,7 +11,7 @@ from app.drawing import palette
 from app.drawing.palette import Colour
 from app.viewer.scene.footprints import PastFootprints, PlannedFootholds
 from app.viewer.scene.frame import Canvas, Drawing
-from app.viewer.scene.points import CAPTURE_POINT, FULL_COP, MODEL_COP, CentreOfMassDrawing, PointDrawing
+from app.viewer.scene.points import FULL_COP, MODEL_COP, MODEL_DCM, CentreOfMassDrawing, PointDrawing
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
 from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_polygon, support_polygon
@@ -58,8 +58,8 @@ LAYERS = {
     "capture_point": Layer(
         "capture point",
         "DCM c + dc/ω: a foot there would stop the robot",
-        palette.CAPTURE,
-        partial(PointDrawing, CAPTURE_POINT),
+        palette.DCM,
+        partial(PointDrawing, MODEL_DCM),
         is_on=False,
     ),
     "trails": Layer("trails", "Where these points were during the last two seconds", is_on=False),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.drawing.palette import CAPTURE, COM, COP, COP_TRAIL, GRID_CELL, TRUE_COP, Colour
+from app.drawing.palette import COM, COP, COP_TRAIL, DCM, GRID_CELL, TRUE_COP, Colour
 from app.viewer.scene.frame import TRAIL_POINTS, Canvas, Frame
 from app.viewer.scene.primitives import add_dot, add_lines, path
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -36,7 +36,7 @@ class PointStyle:
 CENTRE_OF_MASS = PointStyle(lambda now: now.com.position, lambda plan: plan.com, COM, COM, 0.016, 0.009)
 MODEL_COP = PointStyle(lambda now: now.cop, lambda plan: plan.cop, COP, COP_TRAIL, 0.020, 0.011)
 FULL_COP = PointStyle(lambda now: now.true_cop, lambda _: None, TRUE_COP, TRUE_COP, 0.015, 0.013)
-CAPTURE_POINT = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, CAPTURE, CAPTURE, 0.017, 0.015)
+MODEL_DCM = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, DCM, DCM, 0.017, 0.015)
 
 
 class PointDrawing:

@@ -1,6 +1,6 @@
 """Pushes as arrows at the height of the chest: the last one for a moment, and the one that somebody is aiming.
 
-With the aimed push its effect is drawn: the capture point right after it, the steps that the QP would answer with,
+With the aimed push its effect is drawn: the DCM right after it, the steps that the QP would take,
 and a word where there are none, since a robot that stands catches a light push without a step.
 """
 
@@ -9,7 +9,7 @@ import numpy as np
 from app.drawing.palette import PUSH
 from app.viewer.scene.footprints import FootholdMarks
 from app.viewer.scene.frame import Canvas, Frame
-from app.viewer.scene.points import CAPTURE_POINT
+from app.viewer.scene.points import MODEL_DCM
 from app.viewer.scene.primitives import Points, PolygonStyle, add_arrow, add_dot, raised
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot, Snapshot
@@ -61,13 +61,13 @@ class PushPreview:
         scene = canvas.server.scene
         self._robot = canvas.robot
         self._root = f"{canvas.root}/preview"
-        self._capture_point, self._frame = f"{self._root}/capture_point", f"{self._root}/at_com"
+        self._dcm, self._frame = f"{self._root}/dcm", f"{self._root}/at_com"
         self._arrow, self._label = f"{self._frame}/arrow", f"{self._frame}/label"
         scene.add_frame(self._root, show_axes=False, visible=False)
         scene.add_frame(self._frame, show_axes=False)
         add_arrow(canvas.server, self._arrow, PUSH, SHAFT)
         scene.add_label(self._label, "", anchor="bottom-center", font_size_mode="screen", font_screen_scale=1.4)
-        add_dot(canvas.server, self._capture_point, CAPTURE_POINT.colour, CAPTURE_POINT.radius)
+        add_dot(canvas.server, self._dcm, MODEL_DCM.colour, MODEL_DCM.radius)
         self._steps = FootholdMarks(canvas, f"{self._root}/steps", dict.fromkeys(Side, STEP_STYLE))
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
@@ -84,9 +84,9 @@ class PushPreview:
         effect = "" if after is None else f": {_effect(self._robot, after)}"
         updates.properties(self._label, text=f"{np.hypot(*aim.impulse):.0f} N·s{effect}")
         self._steps.draw(updates, after.plan.footholds if after is not None and after.plan is not None else ())
-        updates.visible(self._capture_point, after is not None)
+        updates.visible(self._dcm, after is not None)
         if after is not None:
-            updates.on_ground(self._capture_point, after.dcm, height=STEP_STYLE.height)
+            updates.on_ground(self._dcm, after.dcm, height=STEP_STYLE.height)
 
 
 def arrow_away(impulse: Vector, height: float) -> Points:
