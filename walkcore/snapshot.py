@@ -83,5 +83,5 @@ class Snapshot:
 
     @property
     def feet(self) -> dict[Side, FootState]:
-        """Both soles."""
+        """Both feet by their sides."""
         return {Side.LEFT: self.left_foot, Side.RIGHT: self.right_foot}

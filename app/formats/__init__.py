@@ -59,7 +59,7 @@ class Format:
 
 
 def write_run(recording: Recording, folder: Path, formats: tuple[str, ...] = ("npz", "csv")) -> None:
-    """Write a run.
+    """Write the files of a run into a folder.
 
     Args:
         recording: of the run.

@@ -52,12 +52,12 @@ class FootState:
 
     @property
     def velocity(self) -> Vector:
-        """[m/s] and [rad/s], shape (3,)."""
+        """Velocity of x, y [m/s] and yaw [rad/s], shape (3,)."""
         return self.matrix[1]
 
     @property
     def acceleration(self) -> Vector:
-        """[m/s^2] and [rad/s^2], shape (3,)."""
+        """Acceleration of x, y [m/s^2] and yaw [rad/s^2], shape (3,)."""
         return self.matrix[2]
 
     @property
@@ -67,7 +67,7 @@ class FootState:
 
     @property
     def yaw(self) -> float:
-        """[rad]."""
+        """Yaw, counter-clockwise [rad]."""
         return float(self.matrix[0, 2])
 
 

@@ -42,17 +42,17 @@ class CoMState:
 
     @property
     def position(self) -> Vector:
-        """C [m], shape (2,)."""
+        """Position c [m], shape (2,)."""
         return self.matrix[0]
 
     @property
     def velocity(self) -> Vector:
-        """Dc [m/s], shape (2,)."""
+        """Velocity dc [m/s], shape (2,)."""
         return self.matrix[1]
 
     @property
     def acceleration(self) -> Vector:
-        """Ddc [m/s^2], shape (2,)."""
+        """Acceleration ddc [m/s^2], shape (2,)."""
         return self.matrix[2]
 
     def pushed(self, velocity_change: Vector) -> "CoMState":
@@ -136,7 +136,7 @@ class PreviewMatrices:
 
     @property
     def nb_samples(self) -> int:
-        """N."""
+        """N, number of samples."""
         return len(self.times)
 
     def trajectories(self, com: CoMState, jerks: Matrix) -> tuple[Matrix, Matrix, Matrix]:
