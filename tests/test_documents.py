@@ -95,6 +95,12 @@ def test_commands_exist(monkeypatch, capsys):
         assert {option for name, option in named if name == command and option not in help} == set(), command
 
 
+def test_targets_of_make_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = set(re.findall(r"(?:`|^ {4})make ([a-z-]+)", "\n".join(DOCUMENTS.values()), flags=re.MULTILINE))
+    assert {"run", "test"} <= named <= set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
+
+
 def test_routes_exist():
     named = set().union(*map(routes, DOCUMENTS.values()))
     assert len(named) > 15
