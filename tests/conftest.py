@@ -1,5 +1,6 @@
 """Helpers of many tests: a real server, started as a user starts it, a browser, and time."""
 
+import io
 import os
 import re
 import shutil
@@ -9,14 +10,17 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 import httpx
 import pytest
 import viser
 from playwright.sync_api import Browser, sync_playwright
+
+from app.commands.cli import main
 
 WALK = Path(sys.executable).parent / "walk"
 START = 60.0  # [s] a slow machine may take
@@ -84,6 +88,24 @@ def serving(*options: str, **environment: str) -> Iterator[Server]:
     output = "".join(server.output)
     assert code == -signal.SIGTERM, f"the server had ended before: {output}"
     assert not {"Traceback", "Warning"} & set(re.findall(r"\w+", output)), output
+
+
+@dataclass
+class Said:
+    """Exit code and output of a command."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def walk(*arguments: object) -> Said:
+    """The command, as the script `walk` calls it."""
+    out, err = io.StringIO(), io.StringIO()
+    with patch.object(sys, "argv", ["walk", *map(str, arguments)]), redirect_stdout(out), redirect_stderr(err):
+        with pytest.raises(SystemExit) as ended:
+            main()
+    return Said(int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
 
 def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:

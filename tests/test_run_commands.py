@@ -1,17 +1,13 @@
-import contextlib
-import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
-from unittest.mock import patch
 
+import numpy as np
 import pytest
-from conftest import WALK
-
-from app.commands.cli import main
+from conftest import WALK, walk
 
 SHORT = """
 name: short
@@ -22,24 +18,6 @@ parameters: {{control_period: 0.1}}
 events: [{{t: 0.3, reference: {{vx: 0.1}}}}]
 expect: {{not_fallen: true, max_final_speed: {bound}}}
 """
-
-
-@dataclass
-class Said:
-    """Exit code and output of a command."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-def walk(*arguments):
-    """The command, as the script `walk` calls it."""
-    out, err = io.StringIO(), io.StringIO()
-    with patch.object(sys, "argv", ["walk", *map(str, arguments)]), contextlib.redirect_stdout(out):
-        with contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
-            main()
-    return Said(ended.value.code or 0, out.getvalue(), err.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -131,11 +109,59 @@ def test_runs_are_compared_side_by_side(runs, tmp_path):
     assert page.count("<svg") == 6 and "Parameters that differ" in page
 
 
-def test_a_run_that_cannot_be_read_is_refused(runs, tmp_path):
-    (tmp_path / "run.json").write_text("{}")
-    (tmp_path / "recording.npz").write_text("nothing")
-    said = walk("report", tmp_path)
-    assert said.returncode == 2 and "cannot be read" in said.stderr
+def with_key(key, value):
+    """A change of run.json: another value behind a key, given as "outer.inner"."""
+
+    def change(text):
+        run = json.loads(text)
+        inner = run
+        *outer, last = key.split(".")
+        for part in outer:
+            inner = inner[part]
+        inner[last] = value
+        return json.dumps(run)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda _: "{}",
+        lambda _: "[" * 100_000,
+        lambda text: text[:-100],
+        lambda text: text.replace('"ticks": 20', '"ticks": 1' + "0" * 5000),
+        *(with_key(key, value) for key in ("scenario", "metrics", "parameters", "versions") for value in (3, [], "x")),
+        with_key("parameters", {}),
+        with_key("parameters.sole", 3),
+        with_key("metrics", {}),
+        with_key("expectations", 3),
+    ],
+)
+def test_a_run_that_is_not_as_written_is_refused_in_one_line(runs, tmp_path, change):
+    folder, _ = runs
+    shutil.copytree(folder / "kept", tmp_path / "run")
+    file = tmp_path / "run" / "run.json"
+    file.write_text(change(file.read_text()))
+    said = walk("report", tmp_path / "run", "--out", tmp_path / "out")
+    assert said.returncode == 2 and said.stderr.startswith("walk: run = ") and len(said.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [{}, {"t": np.zeros(3)}, {"t": np.zeros((20, 2))}, {"t": np.array(["a"] * 20)}, {"t": np.array([{}] * 20)}],
+    ids=["none", "short", "a matrix", "text", "objects"],
+)
+def test_a_recording_that_is_not_as_written_is_refused_in_one_line(runs, tmp_path, columns):
+    folder, _ = runs
+    shutil.copytree(folder / "kept", tmp_path / "run")
+    with np.load(tmp_path / "run" / "recording.npz") as file:
+        good = {name: file[name] for name in file.files}
+    np.savez(tmp_path / "run" / "recording.npz", **(good | columns if columns else {}))
+    said = walk("compare", tmp_path / "run", folder / "kept")
+    assert said.returncode == 2 and said.stderr.startswith("walk: run = ") and len(said.stderr.splitlines()) == 1
+    (tmp_path / "run" / "recording.npz").write_text("nothing")
+    assert "cannot be read" in walk("report", tmp_path / "run").stderr
 
 
 def test_scenarios_are_listed_with_what_they_are_and_their_schema():

@@ -72,17 +72,6 @@ def test_unknown_names_tell_the_choices(tmp_path):
         load_scenario(broken)
 
 
-@pytest.mark.parametrize(
-    "text", [b"\xff\xfe", b"[" * 3000, b"duration: 2026-13-45", b"!!python/object/apply:os.getcwd []"]
-)
-def test_a_file_that_no_reader_of_yaml_takes_is_refused_in_one_line(tmp_path, text):
-    file = tmp_path / "scenario.yaml"
-    file.write_bytes(text)
-    with pytest.raises(InvalidValueError, match="YAML") as refused:
-        load_scenario(file)
-    assert len(str(refused.value).splitlines()) == 1
-
-
 def test_exponents_are_numbers_in_yaml_and_json_alike(tmp_path):
     for text in (
         "robot: hrp2\nduration: 1e0\nparameters: {alpha: 1e-5}\n",

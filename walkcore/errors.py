@@ -1,6 +1,12 @@
 """Every error that the core raises: one tree under `WalkError`."""
 
+import reprlib
 from collections.abc import Iterable
+
+MAX_FIELD = 200  # characters of a field's path in a message
+VALUES = reprlib.Repr()  # writes a value that nobody has looked at yet in one line, however long or deep it is
+VALUES.maxstring = VALUES.maxother = 200
+VALUES.maxlevel = 3
 
 
 class WalkError(Exception):
@@ -11,7 +17,7 @@ class InvalidValueError(WalkError, ValueError):
     """A value from outside lies beyond its limit; carries field, value and limit."""
 
     def __init__(self, field: str, value: object, limit: str) -> None:
-        super().__init__(f"{field} = {value!r}: {limit}")
+        super().__init__(f"{_line(field)} = {_shown(value)}: {limit}")
         self.field, self.value, self.limit = field, value, limit
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:  # for the way from one process to another
@@ -23,7 +29,7 @@ class UnknownNameError(WalkError, LookupError):
 
     def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
         self.kind, self.name, self.choices = kind, name, sorted(choices)
-        super().__init__(f"no {kind} {name!r}; there are: {', '.join(self.choices)}")
+        super().__init__(f"no {kind} {_shown(name)}; there are: {', '.join(self.choices)}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         return type(self), (self.kind, self.name, self.choices)
@@ -39,3 +45,16 @@ class NoSolutionFoundError(WalkError):
 
 class InverseKinematicsError(WalkError):
     """The body cannot reach the requested CoM and feet."""
+
+
+def _line(field: str) -> str:
+    """A field's path, whose keys may come from outside, in one line."""
+    line = field if field.isprintable() else repr(field)[1:-1]
+    return line if len(line) <= MAX_FIELD else line[:MAX_FIELD] + "..."
+
+
+def _shown(value: object) -> str:
+    try:
+        return VALUES.repr(value)
+    except ValueError:  # more digits than Python writes
+        return f"a value of type {type(value).__name__}"

@@ -88,7 +88,7 @@ class Parameters:
             object.__setattr__(self, "scheme", DEPRECATED.get(self.scheme, self.scheme))
         if self.scheme not in tuple(SCHEMES):  # a tuple takes what a dictionary cannot hash
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
-        if self.solver not in SOLVERS:
+        if self.solver not in tuple(SOLVERS):
             raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
         for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)

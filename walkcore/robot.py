@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from walkcore.command import Push, Reference
 from walkcore.errors import UnknownNameError
 from walkcore.mpc.regions import closest_band, foothold_vertices
 from walkcore.mpc.stance import Footstep, Side
+from walkcore.plain_yaml import load_yaml
 from walkcore.values import Matrix, Vector, check_range, frozen_copy
 
 ROBOTS = files("walkcore") / "robots"
@@ -156,7 +156,7 @@ def load_robot(name: str) -> Robot:
     """
     if name not in robot_names():
         raise UnknownNameError("robot", name, robot_names())
-    data = yaml.safe_load((ROBOTS / f"{name}.yaml").read_text(encoding="utf-8"))
+    data = load_yaml(ROBOTS / f"{name}.yaml", "robot")
     return Robot(
         name=data["name"],
         mass=float(data["mass"]),

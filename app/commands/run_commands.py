@@ -11,14 +11,15 @@ from typing import Annotated, Literal
 import tyro
 from tqdm import tqdm
 
-from app.formats import FORMATS, read_run
+from app.formats import FORMATS, as_written, read_run
 from app.jobs import JobPool, ProcessDiedError
 from app.runs.run import RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
 from app.settings import usable_cores
 from walkcore import WalkError, load_scenario, scenario_names
-from walkcore.errors import InvalidValueError
+from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.scenario.expectations import Verdict
+from walkcore.scenario.scenario import Scenario
 
 Ending = Literal[tuple(FORMATS)]
 BAR = "{l_bar}{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
@@ -48,7 +49,11 @@ class RunCommand:
         """Simulate, write, and print results and broken expectations."""
         if not self.scenarios:
             raise InvalidValueError("scenarios", [], "name at least one; `walk scenarios` lists those that ship")
-        scenarios = [load_scenario(source) for source in self.scenarios]  # bad input is refused before anything runs
+        scenarios, problems = _read(self.scenarios)
+        for problem in problems:
+            print(f"walk: {problem}", file=sys.stderr)
+        if problems:  # before anything runs
+            return FAILED
         jobs = [Simulate(s.source, folder, self.formats) for s, folder in zip(scenarios, self._folders(), strict=True)]
         code = 0
         for index, done in simulate_all(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):
@@ -77,6 +82,20 @@ class RunCommand:
         if twice is not None:
             raise InvalidValueError("scenarios", twice, "is named twice: their folders would be the same")
         return [self.out / name for name in names]
+
+
+def _read(sources: Sequence[str]) -> tuple[list[Scenario], list[str]]:
+    """The scenarios that can be read, and a line for each that cannot."""
+    scenarios: list[Scenario] = []
+    problems: list[str] = []
+    for source in sources:
+        try:
+            scenarios.append(load_scenario(source))
+        except UnknownNameError as error:
+            problems.append(str(error))
+        except (WalkError, OSError) as error:
+            problems.append(f"{source}: {error}")
+    return scenarios, problems
 
 
 def simulate_all(
@@ -132,12 +151,14 @@ class CompareCommand:
         if len(self.runs) < 2:
             raise InvalidValueError("runs", [str(run) for run in self.runs], "name at least two folders")
         runs, names = [read_run(folder) for folder in self.runs], _distinct_names(self.runs)
-        rows = comparison_rows(runs, names)
+        with as_written(*self.runs):
+            rows = comparison_rows(runs, names)
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         for row in rows:
             print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
         if self.out is not None:
-            _, page = write_comparison(runs, names, self.out)
+            with as_written(*self.runs):
+                _, page = write_comparison(runs, names, self.out)
             print(f"written to {page}")
 
 
@@ -160,7 +181,9 @@ class ReportCommand:
         """Read, draw, write."""
         from app.report import write_report  # draws: takes a second to load
 
-        _, page = write_report(read_run(self.run), self.run if self.out is None else self.out)
+        run = read_run(self.run)
+        with as_written(self.run):
+            _, page = write_report(run, self.run if self.out is None else self.out)
         print(f"written to {page}")
 
 

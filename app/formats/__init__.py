@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from app.formats.stored_run import StoredRun, read_run
+from app.formats.stored_run import StoredRun, as_written, read_run
 from walkcore import Recording
 
-__all__ = ["COUNTS", "FORMATS", "Format", "StoredRun", "read_run", "unit", "write_run"]
+__all__ = ["COUNTS", "FORMATS", "Format", "StoredRun", "as_written", "read_run", "unit", "write_run"]
 
 # Units of the columns, for formats that carry them: that of the first pattern that a name matches.
 UNITS = (

@@ -2,7 +2,9 @@
 
 import json
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from walkcore.analysis.columns import BodyUse
-from walkcore.errors import InvalidValueError
+from walkcore.errors import InvalidValueError, WalkError
 from walkcore.scenario.recording import Recording
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.values import Vector
 
 NEEDED = ("scenario", "parameters", "versions", "metrics")
-"""Keys of run.json without which nothing can be made of a run."""
+"""Keys of run.json without which nothing can be made of a run; behind each is a mapping."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,9 +97,33 @@ def read_run(folder: Path) -> StoredRun:
     except FileNotFoundError as error:
         limit = "must be a folder with run.json and recording.npz, as `walk run` writes it"
         raise InvalidValueError("run", str(folder), limit) from error
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InvalidValueError("run", str(folder), f"cannot be read: {error}") from error
-    missing = [key for key in NEEDED if not isinstance(run, dict) or key not in run]
+    except (OSError, ValueError, RecursionError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        raise InvalidValueError("run", str(folder), f"cannot be read: {' '.join(str(error).split())}") from error
+    missing = [key for key in NEEDED if not isinstance(run, dict) or not isinstance(run.get(key), dict)]
     if missing:
         raise InvalidValueError("run", str(folder), f"run.json has no {missing[0]}")
+    if any(column.dtype.kind not in "fiu" or column.ndim != 1 for column in columns.values()):
+        raise InvalidValueError("run", str(folder), "the columns of recording.npz must be lists of numbers")
+    if len({len(column) for column in columns.values()}) != 1:
+        raise InvalidValueError("run", str(folder), "the columns of recording.npz must have one length")
     return StoredRun(folder, run_json, run, columns)
+
+
+@contextmanager
+def as_written(*folders: Path) -> Iterator[None]:
+    """Refuse runs in which something is missing or of another kind, wherever that is found out.
+
+    Args:
+        folders: of the runs.
+
+    Raises:
+        InvalidValueError: naming what was wrong.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        if isinstance(error, WalkError):
+            raise
+        why = " ".join(f"{type(error).__name__}: {error}".split())
+        where = ", ".join(map(str, folders))
+        raise InvalidValueError("run", where, f"is not as `walk run` writes it: {why}") from error

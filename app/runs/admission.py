@@ -10,12 +10,11 @@ from typing import Any
 
 from walkcore import robot_names
 from walkcore.errors import InvalidValueError
+from walkcore.plain_yaml import check_size
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
-from walkcore.values import check_range, check_text
+from walkcore.values import check_range
 
-MAX_NESTING = 16  # lists and mappings within each other; a scenario has five
-MAX_TEXT = 1000  # characters of a name
-MAX_ITEMS = 20_000  # values and keys of a scenario, of whatever kind
+MAX_VALUES = 20_000  # values and keys of a scenario, of whatever kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +34,7 @@ def admitted_scenario(data: Mapping[str, Any], limits: RunLimits) -> Scenario:
     Raises:
         InvalidValueError: naming the field, its value and its limit.
     """
-    _check_size(data)
+    check_size("scenario", data, MAX_VALUES)
     events = data.get("events")
     if isinstance(events, list):
         _check_at_most("events", len(events), limits.events)
@@ -51,33 +50,3 @@ def admitted_scenario(data: Mapping[str, Any], limits: RunLimits) -> Scenario:
 def _check_at_most(field: str, count: int, limit: int) -> None:
     if count > limit:
         raise InvalidValueError(field, count, f"must be at most {limit}")
-
-
-def _check_size(data: Mapping[str, Any]) -> None:
-    """Refuse what could not be stored, shown in a message or walked through later.
-
-    Raises:
-        InvalidValueError: for values nested too deeply, too many of them, text too long or not Unicode.
-    """
-    level: list[Any] = [data]
-    nb_items = 0
-    for _ in range(MAX_NESTING):
-        if not level:
-            return
-        items = [item for value in level for item in _items(value)]
-        nb_items += len(items)
-        _check_at_most("number of values", nb_items, MAX_ITEMS)
-        for text in (item for item in items if isinstance(item, str)):
-            _check_length(text)
-        level = [item for item in items if isinstance(item, (Mapping, list))]
-    raise InvalidValueError("scenario", "nested values", f"must not be nested more than {MAX_NESTING} deep")
-
-
-def _items(value: Any) -> list[Any]:
-    return [*value.keys(), *value.values()] if isinstance(value, Mapping) else list(value)
-
-
-def _check_length(text: str) -> None:
-    if len(text) > MAX_TEXT:
-        raise InvalidValueError("text", text[:20] + "...", f"must be at most {MAX_TEXT} characters")
-    check_text("text", text)

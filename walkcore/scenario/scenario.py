@@ -1,18 +1,16 @@
 """A scripted walk, read from YAML or from its JSON equivalent: a robot, commands, and expectations."""
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
 
-import yaml
-
 from walkcore.command import Command, Push, Reference
 from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameError
 from walkcore.mpc.regions import inset_vertices
 from walkcore.parameters import Parameters
+from walkcore.plain_yaml import load_yaml
 from walkcore.robot import Robot, load_robot
 from walkcore.scenario.events import Event, commands
 from walkcore.scenario.expectations import Expectation, expectations_from_mapping
@@ -21,6 +19,7 @@ from walkcore.values import check_keys, check_mapping, check_range, check_text
 
 SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
+MAX_EVENTS = 20_000  # more than a minute of live walking has ticks
 KEYS = {"name", "description", "robot", "duration", "parameters", "initial_state", "events", "expect"}
 
 
@@ -86,12 +85,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         file = path
     else:
         raise UnknownNameError("scenario", str(name_or_path), scenario_names())
-    try:
-        data = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 (a SafeLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # not UTF-8, no such date, nested too deeply
-        why = " ".join(str(error).split())
-        raise InvalidValueError("scenario", str(name_or_path), f"is not YAML: {why}") from error
-    return scenario_from_mapping(data)
+    return scenario_from_mapping(load_yaml(file, "scenario"))
 
 
 def scenario_from_mapping(data: Any) -> Scenario:
@@ -112,6 +106,8 @@ def scenario_from_mapping(data: Any) -> Scenario:
     listed: Any = _given(data, "events", [])
     if not isinstance(listed, list):
         raise InvalidValueError("events", listed, "must be a list")
+    if len(cast(list[Any], listed)) > MAX_EVENTS:
+        raise InvalidValueError("events", len(cast(list[Any], listed)), f"must be at most {MAX_EVENTS}")
     state = data.get("initial_state")
     return Scenario(
         name=data.get("name", "unnamed"),
@@ -189,7 +185,8 @@ def _parameters(values: dict[str, Any], robot: Robot) -> Parameters:
 
 def _changed(parameters: Parameters, values: dict[str, Any], robot: Robot) -> Parameters:
     try:
-        return _fitting(parameters.check_change(parameters.changed(values)), robot)
+        changed = parameters.check_change(parameters.changed(values))
+        return changed if changed.cop_margin == parameters.cop_margin else _fitting(changed, robot)
     except InvalidValueError as error:
         raise _of_parameters(error) from error
 
@@ -198,14 +195,3 @@ def _of_parameters(error: InvalidValueError) -> InvalidValueError:
     """The error with the whole path of its field."""
     field = error.field.removeprefix("parameters.")
     return InvalidValueError(f"parameters.{field}", error.value, error.limit)
-
-
-class _Loader(yaml.SafeLoader):
-    """PyYAML follows YAML 1.1, for which 1e-6 is text; here it is a number, as in JSON."""
-
-
-_Loader.add_implicit_resolver(  # pyright: ignore[reportUnknownMemberType] (not in its stubs)
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
