@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import subprocess
 import threading
 from collections import Counter
@@ -18,9 +19,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.formats import FORMATS, write_run
-from app.runs import NoRecordingError, Run, RunLimits, Runs, RunsUnavailableError, UnknownRunError
+from app.runs import NoRecordingError, Run, RunLimits, Runs, RunsUnavailableError
 from app.runs.admission import admitted_scenario
-from app.runs.store import SERVER_DIED, RunStore
+from app.runs.recovery import SERVER_DIED
+from app.runs.store import RunStore
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -365,22 +367,24 @@ def under_way(store: RunStore) -> str:
     return run.id
 
 
-def test_wherever_a_server_dies_no_run_is_half_there(store):
-    """Files written, files moved but not in the row yet, files in the row; and a row removed, its files not yet."""
+def test_wherever_a_server_dies_no_run_is_half_there(store, tmp_path):
+    """Files written, files moved but not in the row yet, files in the row; and files being removed, its row not yet."""
     written, moved, told, removed = (under_way(store) for _ in range(4))
-    store.unfinished(moved).rename(store.files(moved))
     assert store.finish(told, 3.0) and store.finish(removed, 3.0)
-    store._db.execute("DELETE FROM runs WHERE id = ?", (removed,))
-    store.recover()
-    assert {run_id: store.get(run_id).status for run_id in (written, moved, told)} == {
+    after = tmp_path / "after"
+    shutil.copytree(store.folder, after, ignore=shutil.ignore_patterns("after"))
+    (after / "unfinished" / moved).rename(after / "done" / moved)
+    (after / "done" / removed / "run.json").unlink()
+    next_store = RunStore(after)
+    assert {run_id: next_store.get(run_id).status for run_id in (written, moved, told, removed)} == {
         written: "failed",
-        moved: "failed",
+        moved: "done",
         told: "done",
+        removed: "failed",
     }
-    assert [path.name for path in (store.folder / "done").iterdir()] == [told]
-    assert not (store.folder / "unfinished").exists()
-    with pytest.raises(UnknownRunError):
-        store.get(removed)
+    assert {path.name for path in (after / "done").iterdir()} == {moved, told, removed}
+    assert list((after / "unfinished").iterdir()) == []
+    next_store.close()
 
 
 def test_runs_are_taken_in_order_and_never_once_cancelled(store):

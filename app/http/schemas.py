@@ -151,6 +151,9 @@ class Health(BaseModel):
     memory_mb: float = Field(description="Resident memory of the server and its control process [MB].")
     uptime: float = Field(description="Time since the server started [s].")
     clients: int = Field(description="Open streams of the live snapshot.")
+    runs: str = Field(
+        description="What keeps runs from being kept, or was set right in their folder; empty if nothing."
+    )
 
 
 def robot_body(robot: Robot) -> RobotBody:

@@ -42,7 +42,7 @@ router = APIRouter(
             "model": ErrorBody,
             "description": "Not a scenario, or beyond a limit: the field, its value and the limit.",
         },
-        503: BUSY | {"description": "Too many runs wait already."},
+        503: BUSY | {"description": "Too many runs wait already, or the disk takes no more."},
     },
     openapi_extra={"requestBody": {"content": {"application/json": {"schema": SCENARIO}}}},
 )
@@ -65,7 +65,12 @@ def one_run(run: KnownRun) -> RunBody:
     return RunBody.model_validate(run)
 
 
-@router.delete("/{run_id}", response_model=RunBody, responses=UNKNOWN | {204: {"description": "It is removed."}})
+@router.delete(
+    "/{run_id}",
+    response_model=RunBody,
+    responses=UNKNOWN
+    | {204: {"description": "It is removed."}, 503: BUSY | {"description": "The disk lets no file be removed."}},
+)
 def delete(run_id: str, runs: AllRuns) -> RunBody | Response:
     """Cancel a run that has not ended (200, and it is kept as cancelled); remove one that has, files and all (204)."""
     if runs.delete(run_id).has_ended:

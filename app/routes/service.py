@@ -10,7 +10,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from app.http.prometheus import SERVER, memory_of
 from app.http.schemas import Health, RobotBody, late_json, robot_body
 from app.live.runner import LiveState
-from app.routes.dependencies import LiveRunner
+from app.routes.dependencies import AllRuns, LiveRunner
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
 SLOW = 0.95  # real-time factor below which a walk is degraded
@@ -20,10 +20,10 @@ metrics_router = APIRouter(include_in_schema=False)
 
 
 @router.get("/health")
-async def health(request: Request, runner: LiveRunner) -> Health:
-    """Whether the walk keeps up with real time, and what it costs."""
+async def health(request: Request, runner: LiveRunner, runs: AllRuns) -> Health:
+    """Whether the walk keeps up with real time, what it costs, and whether runs can be kept."""
     state = runner.latest
-    reason = _trouble(state)
+    reason = "; ".join(filter(None, (_trouble(state), runs.problem)))
     return Health(
         status="degraded" if reason else "ok",
         reason=reason,
@@ -40,6 +40,7 @@ async def health(request: Request, runner: LiveRunner) -> Health:
         memory_mb=sum(memory_of(runner).values()) / 1e6,
         uptime=time.time() - SERVER.create_time(),
         clients=request.app.state.streams.nb_clients,
+        runs=runs.problem or runs.notice,
     )
 
 

@@ -1,7 +1,8 @@
 """Scripted runs: admitted, queued, simulated in processes of their own, and kept.
 
 `runs` serves the routes. `admission` checks scenarios against the limits of the server, `store` keeps runs on the disk,
-`queue` has them simulated one after the other, and `run_jobs` are the jobs of its processes.
+with `database` for their rows and `recovery` for what a server left half done. `queue` has them simulated one after the
+other, and `run_jobs` are the jobs of its processes.
 """
 
 from app.runs.admission import RunLimits

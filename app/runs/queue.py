@@ -9,7 +9,7 @@ from pathlib import Path
 from app.jobs import JobProcess, ProcessDiedError
 from app.runs.run import NoRecordingError, Run, RunProgress, RunsUnavailableError
 from app.runs.run_jobs import Simulate, convert
-from app.runs.store import RunStore
+from app.runs.store import RETRY_AFTER, RunStore
 from walkcore import WalkError
 
 logger = logging.getLogger(__name__)
@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 NICENESS = 15  # of 19: what is left of the processor
 IDLE_TIMEOUT = 30.0  # [s] without work after which a process is ended, for its memory
 MAX_CONVERSIONS = 8  # threads of the server's that may wait for one
-RETRY_AFTER = 10  # [s]
+RETRY_PERIOD = 1.0  # [s] after which a disk that took nothing is tried again
 
 
 class RunQueue:
@@ -80,11 +80,11 @@ class RunQueue:
                 process = None
             if run is None:  # nothing to do for a while
                 continue
-            process = process or JobProcess(NICENESS)
             try:
+                process = process or JobProcess(NICENESS)
                 self._simulate(run, process)
-            except Exception as error:  # a full disk, above all: the next run may have more luck
-                logger.error("run %s could not be kept", run.id, exc_info=error)
+            except Exception as error:  # no process, a full disk, files that are gone: the next run may have more luck
+                logger.warning("run %s could not be kept: %r", run.id, error)
                 self._store.fail(run.id, f"could not be kept: {error}")
             self._on_end()
         if process is not None:
@@ -97,7 +97,9 @@ class RunQueue:
                 run = self._store.start_next()
                 if run is not None:
                     return run
-                if not self._wake.wait(None if process is None else IDLE_TIMEOUT):
+                is_blocked = self._store.has_work()  # by the disk, which may have space in a while
+                timeout = RETRY_PERIOD if is_blocked else None if process is None else IDLE_TIMEOUT
+                if not self._wake.wait(timeout) and not is_blocked:
                     return None
         return None
 
@@ -161,7 +163,10 @@ class Converter:
 
     def _make(self, folder: Path, ending: str) -> None:
         """Convert in a process that ends with it: drawing and packing take memory, and are seldom requested."""
-        self._process = JobProcess(NICENESS)
+        try:
+            self._process = JobProcess(NICENESS)
+        except OSError as error:
+            raise RunsUnavailableError(f"no process can be started: {error}", RETRY_AFTER) from error
         error = self._process.run(partial(convert, folder, ending)).exception()
         self._process.kill()
         self._process = None

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from walkcore import Parameters
+
 RunStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+BYTES_PER_TICK = 2000  # of a robot with a body; half as many without
 ENDED = ("done", "failed", "cancelled")
 
 
@@ -65,6 +68,12 @@ class Run:
     def name(self) -> str:
         """Name of the scenario."""
         return self.scenario.get("name", "unnamed")
+
+    @property
+    def expected_size(self) -> int:
+        """Size that its files will about have [bytes]."""
+        period = (self.scenario.get("parameters") or {}).get("control_period", Parameters.control_period)
+        return round(self.duration / period) * BYTES_PER_TICK
 
     @property
     def has_ended(self) -> bool:

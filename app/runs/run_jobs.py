@@ -65,5 +65,8 @@ def convert(folder: Path, ending: str, _: Report) -> None:
     """
     form = FORMATS[ending]
     run, half = read_run(folder), folder / f"half.{form.file}"
-    form.write(run.recording(), run.run_json, half)
-    half.rename(folder / form.file)
+    try:
+        form.write(run.recording(), run.run_json, half)
+        half.rename(folder / form.file)
+    finally:
+        half.unlink(missing_ok=True)  # of no use, and the disk may be full

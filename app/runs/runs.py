@@ -1,7 +1,6 @@
 """All runs of a server, for the routes: taken in, listed, handed out, cancelled."""
 
 import logging
-import sqlite3
 import tempfile
 import threading
 from collections.abc import Mapping
@@ -11,9 +10,9 @@ from typing import Any
 
 from app.formats import FORMATS
 from app.runs.admission import RunLimits, admitted_scenario
-from app.runs.queue import RETRY_AFTER, Converter, RunQueue
+from app.runs.queue import Converter, RunQueue
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
-from app.runs.store import DataInUseError, RunStore
+from app.runs.store import RETRY_AFTER, DataInUseError, RunStore
 from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
@@ -28,7 +27,8 @@ class Runs:
         """Open the data folder.
 
         Args:
-            folder: where runs are kept; a temporary one takes its place where another server has it.
+            folder: where runs are kept; a temporary one takes its place where another server has it. One that cannot be
+                written to is told by `problem`, and tried again.
             nb_workers: runs that are simulated at once.
             nb_queued: runs that may wait.
             nb_kept: ended runs that are kept; the oldest go first.
@@ -36,7 +36,7 @@ class Runs:
             limits: of one run.
 
         Raises:
-            OSError: if the folder cannot be written to.
+            OSError: if another server has the folder, and there can be no temporary one.
         """
         self.limits = limits
         self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
@@ -58,6 +58,16 @@ class Runs:
         if self._temporary is not None:
             self._temporary.cleanup()
 
+    @property
+    def problem(self) -> str:
+        """What keeps runs from being kept, or started; empty where nothing does."""
+        return self._store.problem
+
+    @property
+    def notice(self) -> str:
+        """What was set right when the data folder was opened; empty where nothing was wrong."""
+        return self._store.notice
+
     def submit(self, scenario: Mapping[str, Any]) -> Run:
         """Take in a scenario, to be simulated when a process is free.
 
@@ -69,10 +79,7 @@ class Runs:
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
                 raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
-            try:
-                run = self._store.add(scenario, admitted.robot.name, admitted.duration)
-            except sqlite3.OperationalError as error:
-                raise RunsUnavailableError(f"the run cannot be kept: {error}", RETRY_AFTER) from error
+            run = self._store.add(scenario, admitted.robot.name, admitted.duration)
         self._queue.wake()
         return run
 
@@ -82,12 +89,18 @@ class Runs:
         Args:
             recording: of the walk.
             real_time_factor: simulated over real time, where it is known.
+
+        Raises:
+            RunsUnavailableError: if the disk does not take it.
         """
         scenario = recording.scenario
         run = self._store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
         try:
             recording.write(self._store.unfinished(run.id))
             self._store.finish(run.id, real_time_factor)
+        except OSError as error:
+            self._store.fail(run.id, f"could not be kept: {error}")
+            raise RunsUnavailableError(f"the run cannot be kept: {error}", RETRY_AFTER) from error
         except BaseException as error:
             self._store.fail(run.id, f"could not be kept: {error}")
             raise
@@ -114,12 +127,14 @@ class Runs:
 
         Raises:
             UnknownRunError: if there is none of that id.
+            RunsUnavailableError: if its files cannot be removed.
         """
         run = self._store.get(run_id)
         if self._store.cancel(run_id):
             self._queue.cancel(run_id)
         else:
             self._store.remove(run_id)
+            self._queue.wake()  # there is space
         return run
 
     def file(self, run_id: str, name: str) -> Path:
@@ -145,7 +160,10 @@ class Runs:
         return run if progress is None else replace(run, progress=progress)
 
     def _trim(self) -> None:
-        self._store.trim(self._nb_kept, self._bytes_kept)
+        try:
+            self._store.trim(self._nb_kept, self._bytes_kept)
+        except RunsUnavailableError as error:
+            logger.warning("old runs are kept: %s", error)
 
     def _open(self, folder: Path) -> RunStore:
         try:

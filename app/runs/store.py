@@ -1,48 +1,36 @@
 """Runs on the disk: a row each in SQLite, and a folder of files for each that is done.
 
     runs.sqlite      a row for each run
-    done/ID/         files of a run, there in full or not at all: moved here in one piece
+    done/ID/         files of a run, there in full or without run.json: moved here in one piece
     unfinished/      files being written; thrown away when a server starts
     lock             held by the server whose folder this is
 
-A row names files only after their folder has been moved, and is deleted before it: whatever
-moment the server dies at, `recover` sets each row right, and no folder is half there.
+What is in memory is the truth. A change that the disk does not take, as it is full or read-only, is told by `problem`
+and written when it can be. Whatever moment the server dies at, the next one sets each run right by its row and its
+folder: a folder with run.json is complete, and one without it is being removed.
 """
 
 import fcntl
-import json
-import math
+import logging
 import os
 import shutil
 import sqlite3
 import threading
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from app.runs.run import Run, RunProgress, UnknownRunError
+from app.runs.database import RunDatabase, is_broken
+from app.runs.recovery import corrected, folder_size, outcome
+from app.runs.run import Run, RunProgress, RunStatus, RunsUnavailableError, UnknownRunError
 
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS runs (
-    number INTEGER PRIMARY KEY AUTOINCREMENT,
-    id TEXT NOT NULL UNIQUE,
-    scenario TEXT NOT NULL,
-    robot TEXT NOT NULL,
-    duration REAL NOT NULL,
-    status TEXT NOT NULL,
-    reason TEXT NOT NULL DEFAULT '',
-    created REAL NOT NULL,
-    started REAL,
-    ended REAL,
-    real_time_factor REAL,
-    size INTEGER NOT NULL DEFAULT 0,
-    metrics TEXT
-);
-CREATE INDEX IF NOT EXISTS by_status ON runs (status, number);
-"""
-SERVER_DIED = "the server ended while it ran"
+logger = logging.getLogger(__name__)
+
+RETRY_AFTER = 10  # [s]
+RESERVE = 1_000_000  # bytes that stay free for rows, beside the files of a run
 
 
 class DataInUseError(OSError):
@@ -53,40 +41,51 @@ class RunStore:
     """Keeps runs under a folder. All methods may be called from any thread."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the folder, which is made if need be.
+        """Open the folder, which is made if need be; one that cannot be written to is tried again with each change.
 
         Raises:
             DataInUseError: if another server has it.
-            OSError: if it cannot be written to.
         """
         self.folder = folder
+        self.notice = ""
+        """What was set right when the folder was opened; empty where nothing was wrong."""
         self._done, self._unfinished = folder / "done", folder / "unfinished"
-        folder.mkdir(parents=True, exist_ok=True)
-        self._lock_file = _locked(folder / "lock")
         self._lock = threading.RLock()
-        self._db = sqlite3.connect(folder / "runs.sqlite", check_same_thread=False, isolation_level=None)
-        self._db.row_factory = sqlite3.Row
-        self._db.execute("PRAGMA journal_mode = WAL")
-        self._db.execute("PRAGMA synchronous = FULL")
-        self._db.executescript(SCHEMA)
-        self.recover()
+        self._lock_file: Any = None
+        self._database = RunDatabase(folder / "runs.sqlite")
+        self._runs: dict[str, Run] = {}  # the oldest first
+        self._unwritten: dict[str, None] = {}  # ids of runs whose rows are not up to date, the oldest change first
+        self._error = ""
+        self._lacks_space = False
+        try:
+            self._open()
+            self._write()
+        except DataInUseError:
+            raise
+        except (OSError, sqlite3.Error) as error:
+            self._trouble(error)
+            self._runs = {run.id: run for run in self._database.read_only()}
+            self._correct()
 
     def close(self) -> None:
         """Release the folder."""
         with self._lock:
-            self._db.close()
-            self._lock_file.close()
+            self._write()
+            self._database.close()
+            if self._lock_file is not None:
+                self._lock_file.close()
 
-    def recover(self) -> None:
-        """Mark runs that were under way when a server died as failed, and throw away files that no row names."""
-        self._set("status = 'running'", status="failed", reason=SERVER_DIED, ended=time.time())
-        shutil.rmtree(self._unfinished, ignore_errors=True)
-        self._done.mkdir(exist_ok=True)
-        known = {row["id"] for row in self._db.execute("SELECT id FROM runs WHERE size > 0")}
-        for stray in set(os.listdir(self._done)) - known:
-            shutil.rmtree(self._done / stray, ignore_errors=True)
+    @property
+    def problem(self) -> str:
+        """What keeps runs from being written, or started; empty where nothing does."""
+        if self._error:
+            return f"runs cannot be written to {self.folder}: {self._error}"
+        free = self._free()
+        if self._lacks_space or free < RESERVE:
+            return f"runs wait for space on the disk of {self.folder}: {free / 1e6:.1f} MB are free"
+        return ""
 
-    def add(self, scenario: Mapping[str, Any], robot: str, duration: float, status: str = "queued") -> Run:
+    def add(self, scenario: Mapping[str, Any], robot: str, duration: float, status: RunStatus = "queued") -> Run:
         """Take in a run, under a new id.
 
         Args:
@@ -94,13 +93,30 @@ class RunStore:
             robot: name of its robot.
             duration: simulated time [s].
             status: to begin with.
+
+        Raises:
+            RunsUnavailableError: if it cannot be written.
         """
-        run_id = uuid4().hex
-        row = (run_id, json.dumps(scenario), robot, duration, status, time.time())
+        run = Run(
+            id=uuid4().hex,
+            scenario=scenario,
+            robot=robot,
+            duration=duration,
+            status=status,
+            reason="",
+            created=time.time(),
+            started=None,
+            ended=None,
+            progress=RunProgress(),
+            size=0,
+            metrics=None,
+        )
         with self._lock:
-            columns = "id, scenario, robot, duration, status, created"
-            self._db.execute(f"INSERT INTO runs ({columns}) VALUES (?, ?, ?, ?, ?, ?)", row)
-            return self.get(run_id)
+            self._put(run)
+            if run.id in self._unwritten:
+                del self._unwritten[run.id], self._runs[run.id]
+                raise RunsUnavailableError(f"the run cannot be kept: {self._error}", RETRY_AFTER)
+            return run
 
     def get(self, run_id: str) -> Run:
         """The run of an id.
@@ -109,32 +125,44 @@ class RunStore:
             UnknownRunError: if there is none of that id.
         """
         with self._lock:
-            row = self._db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone()
-        if row is None:
+            run = self._runs.get(run_id)
+        if run is None:
             raise UnknownRunError(run_id)
-        return _run(row)
+        return run
 
     def list(self) -> list[Run]:
         """All runs, the latest first."""
         with self._lock:
-            return [_run(row) for row in self._db.execute("SELECT * FROM runs ORDER BY number DESC")]
+            return list(reversed(self._runs.values()))
 
     def nb_queued(self) -> int:
         """Number of runs that wait."""
         with self._lock:
-            return self._db.execute("SELECT COUNT(*) FROM runs WHERE status = 'queued'").fetchone()[0]
+            return sum(run.status == "queued" for run in self._runs.values())
+
+    def has_work(self) -> bool:
+        """Whether something waits to be started or written, now or as soon as the disk takes it."""
+        with self._lock:
+            return bool(self._error or self._unwritten) or self.nb_queued() > 0
 
     def start_next(self) -> Run | None:
-        """The run that has waited longest, from now on running; None where none waits."""
+        """The run that has waited longest of those that the disk has space for, from now on running; None without."""
         with self._lock:
-            row = self._db.execute("SELECT id FROM runs WHERE status = 'queued' ORDER BY number LIMIT 1").fetchone()
-            if row is None:
+            self._write()
+            queued = [run for run in self._runs.values() if run.status == "queued"]
+            free = self._free() - RESERVE if queued else 0
+            run = next((run for run in queued if run.expected_size <= free), None)
+            self._lacks_space = bool(queued) and run is None
+            if run is None or self._error:
                 return None
-            self._set("id = :id", id=row["id"], status="running", started=time.time())
-            return self.get(row["id"])
+            return self._put(replace(run, status="running", started=time.time()))
 
     def unfinished(self, run_id: str) -> Path:
-        """A new empty folder for the files of a run that is under way."""
+        """A new empty folder for the files of a run that is under way.
+
+        Raises:
+            OSError: if it cannot be made.
+        """
         folder = self._unfinished / run_id
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
@@ -145,43 +173,55 @@ class RunStore:
 
         Returns:
             False, and nothing is kept, where it was cancelled meanwhile.
+
+        Raises:
+            OSError: if the files are not there in full.
         """
         folder = self._unfinished / run_id
-        run_json = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        broken = [_broken(verdict) for verdict in run_json["expectations"] if not verdict["holds"]]
+        told = outcome(folder)
         size = sum(_sync(file) for file in folder.iterdir())
         with self._lock:
-            if not self._is(run_id, "running"):
+            run = self._runs.get(run_id)
+            if run is None or run.status != "running":
                 self.discard(run_id)
                 return False
             folder.rename(self._done / run_id)
-            self._set(
-                "id = :id",
-                id=run_id,
-                status="failed" if broken else "done",
-                reason="; ".join(broken),
-                ended=time.time(),
-                real_time_factor=real_time_factor,
-                size=size,
-                metrics=json.dumps(_finite(run_json["metrics"])),
-            )
+            progress = RunProgress(1.0, real_time_factor)
+            self._put(replace(run, ended=time.time(), progress=progress, size=size, **told))
             return True
 
     def fail(self, run_id: str, reason: str) -> None:
-        """Mark a run that was under way as failed."""
-        self._set("id = :id AND status = 'running'", id=run_id, status="failed", reason=reason, ended=time.time())
+        """Mark a run that was under way as failed; what is there of its files goes first."""
         self.discard(run_id)
+        with self._lock:
+            run = self._runs.get(run_id)
+            if run is not None and run.status == "running":
+                self._put(replace(run, status="failed", reason=_unicode(reason), ended=time.time()))
 
     def cancel(self, run_id: str) -> bool:
         """Cancel a run that has not ended; False if there was none."""
-        given = {"id": run_id, "status": "cancelled", "reason": "cancelled on request", "ended": time.time()}
-        return self._set("id = :id AND status IN ('queued', 'running')", **given) > 0
+        with self._lock:
+            run = self._runs.get(run_id)
+            if run is None or run.has_ended:
+                return False
+            self._put(replace(run, status="cancelled", reason="cancelled on request", ended=time.time()))
+            return True
 
     def remove(self, run_id: str) -> None:
-        """Forget a run that has ended, files and all."""
+        """Forget a run that has ended, files and all; the files go first, which frees the space that the rest takes.
+
+        Raises:
+            RunsUnavailableError: if its files cannot be removed.
+        """
         with self._lock:
-            self._db.execute("DELETE FROM runs WHERE id = ?", (run_id,))
-        shutil.rmtree(self._done / run_id, ignore_errors=True)
+            try:
+                (self._done / run_id / "run.json").unlink(missing_ok=True)
+            except OSError as error:
+                raise RunsUnavailableError(f"the files of the run cannot be removed: {error}", RETRY_AFTER) from error
+            shutil.rmtree(self._done / run_id, ignore_errors=True)
+            self._runs.pop(run_id, None)
+            self._unwritten[run_id] = None
+            self._write()
 
     def trim(self, nb_kept: int, bytes_kept: int) -> None:
         """Remove the oldest ended runs, but never the latest.
@@ -203,23 +243,92 @@ class RunStore:
 
     def measure(self, run_id: str) -> None:
         """Update the size of a run, whose files have changed."""
-        size = sum(file.stat().st_size for file in self.files(run_id).iterdir())
-        self._set("id = :id", id=run_id, size=size)
+        with self._lock:
+            if (run := self._runs.get(run_id)) is not None:
+                self._put(replace(run, size=folder_size(self.files(run_id))))
 
     def files(self, run_id: str) -> Path:
         """The folder of a run that was simulated to its end."""
         return self._done / run_id
 
-    def _is(self, run_id: str, status: str) -> bool:
-        return (
-            self._db.execute("SELECT 1 FROM runs WHERE id = ? AND status = ?", (run_id, status)).fetchone() is not None
-        )
+    def _free(self) -> int:
+        """Free space on the disk [bytes]; none where there is no folder."""
+        try:
+            return shutil.disk_usage(self.folder).free
+        except OSError:
+            return 0
 
-    def _set(self, where: str, **values: Any) -> int:
-        """Change columns of the rows that `where` selects, and return their number."""
-        assigned = ", ".join(f"{name} = :{name}" for name in values if name != "id")
-        with self._lock:
-            return self._db.execute(f"UPDATE runs SET {assigned} WHERE {where}", values).rowcount
+    def _put(self, run: Run) -> Run:
+        """Take over the new state of a run, in memory and if possible on the disk."""
+        self._runs[run.id] = run
+        self._unwritten[run.id] = None
+        self._write()
+        return run
+
+    def _write(self) -> None:
+        """Bring the rows up to date, as far as the disk takes them; in place of a broken database comes a new one."""
+        for _ in range(2):
+            try:
+                self._open()
+                for run_id in list(self._unwritten):
+                    self._database.write(run_id, self._runs.get(run_id))
+                    del self._unwritten[run_id]
+                self._error = ""
+                return
+            except (OSError, sqlite3.Error) as error:
+                self._trouble(error)
+                if not is_broken(error) or self._lock_file is None:
+                    return
+                self._unwritten = dict.fromkeys([*self._runs, *self._unwritten])
+                self._release()
+
+    def _trouble(self, error: Exception) -> None:
+        reason = str(error)
+        if reason != self._error:
+            logger.warning("runs cannot be written to %s: %s", self.folder, reason)
+        self._error = reason
+
+    def _release(self) -> None:
+        self._database.close()
+        if self._lock_file is not None:
+            self._lock_file.close()
+            self._lock_file = None
+
+    def _open(self) -> None:
+        """Take the folder, read its rows, and set every run right that a server left half done.
+
+        Raises:
+            OSError: if the folder cannot be written to, or is another server's.
+            sqlite3.Error: if the database cannot be.
+        """
+        if self._lock_file is not None:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._lock_file = _locked(self.folder / "lock")
+        try:
+            runs, set_aside = self._database.open()
+            self._done.mkdir(exist_ok=True)
+        except BaseException:
+            self._release()
+            raise
+        before = self._runs
+        for folder in self._unfinished.iterdir() if self._unfinished.is_dir() else ():
+            if folder.name not in before or before[folder.name].has_ended:
+                shutil.rmtree(folder, ignore_errors=True)
+        self._runs = {run.id: run for run in runs if run.id not in self._unwritten}
+        self._runs |= {run_id: before[run_id] for run_id in self._unwritten if run_id in before}
+        nb_found = self._correct()
+        self._runs = {run.id: run for run in sorted(self._runs.values(), key=lambda run: run.created)}
+        if set_aside:
+            self.notice = f"the database of the runs was broken and is set aside as {set_aside}; "
+            self.notice += f"{nb_found} runs were found again in their folders"
+
+    def _correct(self) -> int:
+        """Set runs right by their folders; the number of those that only their folders tell of."""
+        right, nb_found = corrected(self._runs, self._done, self._unwritten)
+        self._runs |= right
+        self._unwritten |= dict.fromkeys(right)
+        return nb_found
 
 
 def _locked(path: Path) -> Any:
@@ -240,33 +349,6 @@ def _sync(path: Path) -> int:
         return os.fstat(file.fileno()).st_size
 
 
-def _run(row: sqlite3.Row) -> Run:
-    has_files = row["size"] > 0
-    return Run(
-        id=row["id"],
-        scenario=json.loads(row["scenario"]),
-        robot=row["robot"],
-        duration=row["duration"],
-        status=row["status"],
-        reason=row["reason"],
-        created=row["created"],
-        started=row["started"],
-        ended=row["ended"],
-        progress=RunProgress(1.0 if has_files else 0.0, row["real_time_factor"]),
-        size=row["size"],
-        metrics=json.loads(row["metrics"]) if row["metrics"] else None,
-    )
-
-
-def _broken(verdict: Mapping[str, Any]) -> str:
-    measured = "not measured in this run" if verdict["measured"] is None else f"measured {verdict['measured']}"
-    return f"expected {verdict['name']}: {verdict['bound']}, {measured}"
-
-
-def _finite(value: Any) -> Any:
-    """Plain values with None in place of numbers that JSON cannot carry."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _unicode(text: str) -> str:
+    """The text without lone surrogates, which no row takes."""
+    return text.encode(errors="replace").decode()
