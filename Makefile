@@ -32,11 +32,13 @@ check: install
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 
-# Every test, then an hour of random walks and pushes with every promise checked at every tick.
+# Every test, then an hour of random walks and pushes with every promise checked at every tick, and an hour of a server
+# among hostile clients.
 soak: test-all
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5
 	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 6
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.1 --body
+	$(BIN)/python benchmarks/soak_server.py --minutes 60
 
 install: $(STAMP)
 
