@@ -187,8 +187,11 @@ def hostile(url: str, push: float) -> Iterator[None]:
 @contextmanager
 def running(target: Callable[..., None], *arguments: object) -> Iterator[None]:
     """A process for the time of the context."""
-    process = multiprocessing.get_context("spawn").Process(target=target, args=arguments, daemon=True)
+    context = multiprocessing.get_context("spawn")
+    is_ready = context.Event()
+    process = context.Process(target=_begin, args=(is_ready, target, *arguments), daemon=True)
     process.start()
+    is_ready.wait()
     try:
         yield
         if not process.is_alive():
@@ -196,6 +199,11 @@ def running(target: Callable[..., None], *arguments: object) -> Iterator[None]:
     finally:
         process.kill()
         process.join()
+
+
+def _begin(is_ready: Any, target: Callable[..., None], *arguments: object) -> None:
+    is_ready.set()
+    target(*arguments)
 
 
 def drive(url: str, report: Connection) -> None:

@@ -12,8 +12,6 @@ from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
-FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
@@ -21,14 +19,17 @@ def server() -> Iterator[Server]:
         yield server
 
 
+@pytest.mark.parametrize(
+    "nb_examples", [8, pytest.param(100, marks=[pytest.mark.exhaustive, pytest.mark.timeout(3600)])]
+)
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
-def test_every_response_is_as_documented(server, mode):
+def test_every_response_is_as_documented(server, mode, nb_examples):
     document = schemathesis.openapi.from_url(f"{server.url}openapi.json")
     problems = []
     for found in document.get_all_operations():
         operation = found.ok()
         try:
-            try_out(operation, mode)
+            try_out(operation, mode, nb_examples)
         except Unsatisfiable:  # it takes nothing that could be wrong
             assert mode is GenerationMode.NEGATIVE
         except BaseExceptionGroup as failures:
@@ -42,8 +43,8 @@ def test_every_refusal_has_the_one_shape(server):
     assert "HTTPValidationError" not in httpx.get(f"{server.url}openapi.json").text
 
 
-def try_out(operation: Any, mode: GenerationMode) -> None:
-    @FEW
+def try_out(operation: Any, mode: GenerationMode, nb_examples: int) -> None:
+    @settings(max_examples=nb_examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(case=operation.as_strategy(generation_mode=mode))
     def send(case: Any) -> None:
         case.call_and_validate(timeout=30.0, excluded_checks=[positive_data_acceptance])
