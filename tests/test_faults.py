@@ -70,7 +70,7 @@ BYTES = st.binary(max_size=200) | st.sampled_from(
 class Faults(RuleBasedStateMachine):
     """One server, what was sent to it, and what it must still know.
 
-    What may happen next depends on what was chosen before and never on the server's answers: Hypothesis repeats choices.
+    What may happen next depends on what was chosen before and never on the server's answers: Hypothesis repeats them.
     """
 
     server: Server

@@ -71,9 +71,7 @@ class RunStore:
         """Release the folder."""
         with self._lock:
             self._write()
-            self._database.close()
-            if self._lock_file is not None:
-                self._lock_file.close()
+            self._release()
 
     @property
     def problem(self) -> str:
