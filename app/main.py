@@ -10,7 +10,10 @@ import uvicorn
 from fastapi import FastAPI
 
 from app.http import page, refusals
+from app.http.connections import allow_connections, limited_protocol, listening_socket
 from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
+from app.http.headers import SecurityHeadersMiddleware
+from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
 from app.http.token import Token, TokenMiddleware, signin_router
 from app.live.runner import Runner
@@ -22,7 +25,6 @@ from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a person at a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
-SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
 SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
 SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops
@@ -31,11 +33,13 @@ SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops
 def serve(settings: Settings) -> None:
     """Serve until interrupted; exits with 1 where the address is not available."""
     sys.setswitchinterval(SWITCH_INTERVAL)
+    allow_connections()
     listening = _listen(settings)
     config = uvicorn.Config(
         create_app(settings),
         log_level="warning",
         timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
+        http=limited_protocol(),
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,
@@ -84,6 +88,8 @@ def create_app(settings: Settings) -> FastAPI:
         app.add_middleware(TokenMiddleware, token=token)
         app.include_router(signin_router(token, page.STATIC / "signin.html"))
     app.add_middleware(BodyLimitMiddleware)
+    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     for router in (live_robot.router, sockets.router, scripted_runs.router, service.router, service.metrics_router):
         app.include_router(router)
     app.include_router(page.viewer_router(lambda: viewer.port))
@@ -104,15 +110,10 @@ def _runs(settings: Settings) -> Runs:
 
 
 def _listen(settings: Settings) -> socket.socket:
-    listening = socket.socket(socket.AF_INET6 if ":" in settings.host else socket.AF_INET)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
     try:
-        listening.bind((settings.host, settings.port))
+        return listening_socket(settings.host, settings.port)
     except OSError as error:
         sys.exit(f"walk: cannot listen on {settings.host} port {settings.port}: {error.strerror or error}")
-    listening.listen()
-    return listening
 
 
 def _address(host: str, listening: socket.socket) -> str:

@@ -39,6 +39,8 @@ class Settings(BaseSettings):
     """Detail of the scene: light has coarser meshes and no shadows, for browsers without a graphics card."""
     walk_token: SecretStr = SecretStr("")
     """Token that page, sockets and API require; empty requires none."""
+    walk_hosts: str = ""
+    """Further names by which the server is reached, with commas between them; `*` takes any."""
     walk_data: Path = Path("~/.local/share/walk")
     """Folder where runs are kept; each server needs its own."""
     runs_workers: int = Field(default_factory=lambda: max(1, usable_cores() - 1), ge=1, le=256)

@@ -23,7 +23,7 @@ from playwright.sync_api import Browser, sync_playwright
 from app.commands.cli import main
 
 WALK = Path(sys.executable).parent / "walk"
-START = 60.0  # [s] a slow machine may take
+START = 180.0  # [s] a slow or busy machine may take
 PATIENCE = 120.0  # [s] on a busy machine, after which something hangs
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 

@@ -20,7 +20,7 @@ from starlette.websockets import WebSocketClose
 
 SIGN_IN = "/signin"
 HEALTH = "/api/v1/health"  # health checks have no token
-OPEN = {SIGN_IN, HEALTH, "/static/style.css", "/static/icon.svg"}
+OPEN = {SIGN_IN, HEALTH, "/static/style.css", "/static/icon.svg", "/static/signin.js"}
 COOKIE_AGE = 30 * 24 * 3600  # [s]
 WRONG_TOKEN_DELAY = 1.0  # [s], so that guessing takes long
 
