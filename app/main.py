@@ -15,6 +15,7 @@ from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
 from app.http.headers import SecurityHeadersMiddleware
 from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
+from app.http.scene_proxy import scene_router
 from app.http.token import Token, TokenMiddleware, signin_router
 from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
@@ -92,7 +93,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     for router in (live_robot.router, sockets.router, scripted_runs.router, service.router, service.metrics_router):
         app.include_router(router)
-    app.include_router(page.viewer_router(lambda: viewer.port))
+    app.include_router(scene_router(viewer))
     page.install(app)
     return app
 

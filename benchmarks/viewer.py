@@ -61,16 +61,16 @@ class Replay:
         return lambda *_, **__: None  # nobody drives
 
 
-def read_as_browser(port: int, seconds: float, results: "multiprocessing.Queue[dict[str, float]]") -> None:
+def read_as_browser(address: str, seconds: float, results: "multiprocessing.Queue[dict[str, float]]") -> None:
     """Connect, read until one more has joined, and tell how that went."""
-    results.put(asyncio.run(_read(port, seconds + JOIN_SECONDS, of_which_alone=seconds)))
+    results.put(asyncio.run(_read(address, seconds + JOIN_SECONDS, of_which_alone=seconds)))
 
 
-async def _read(port: int, seconds: float, of_which_alone: float) -> dict[str, float]:
+async def _read(address: str, seconds: float, of_which_alone: float) -> dict[str, float]:
     started = time.perf_counter()
     joined = joined_bytes = nb_bytes = nb_frames = 0.0
     last, longest, longest_at_join = None, 0.0, 0.0
-    async with scene(f"ws://127.0.0.1:{port}") as socket:
+    async with scene(address) as socket:
         while (now := time.perf_counter() - started) < seconds:
             try:
                 message = await asyncio.wait_for(socket.recv(decode=False), 0.5)
@@ -139,7 +139,7 @@ def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: f
     """Stream to some clients for some time, then let one more join."""
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, float]] = context.Queue()
-    arguments = (viewer.port, SETTLE + seconds, results)
+    arguments = (str(viewer.socket), SETTLE + seconds, results)
     clients = [context.Process(target=read_as_browser, args=arguments) for _ in range(nb_clients)]
     for client in clients:
         client.start()
@@ -149,7 +149,7 @@ def measure(viewer: Viewer, spent: dict[str, float], nb_clients: int, seconds: f
     spent.clear()
     ids, cpu, wall = nb_message_ids(viewer.server), time.process_time(), time.monotonic()
     time.sleep(seconds)
-    late = context.Process(target=read_as_browser, args=(viewer.port, 0.0, results))
+    late = context.Process(target=read_as_browser, args=(str(viewer.socket), 0.0, results))
     cpu, elapsed = time.process_time() - cpu, time.monotonic() - wall
     frames = elapsed / PERIOD
     parts = {name: 1e3 * value / frames for name, value in spent.items()}

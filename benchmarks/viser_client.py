@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 import viser
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection, connect, unix_connect
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -24,8 +24,14 @@ CAMERA = {
 
 @asynccontextmanager
 async def scene(address: str) -> AsyncIterator[ClientConnection]:
-    """The stream of a viser server at a websocket's address, after it was sent where the camera is."""
+    """The stream of a viser server, after it was sent where the camera is.
+
+    Args:
+        address: of a websocket, or the path of a Unix socket.
+    """
     protocols: Any = [f"viser-v{viser.__version__}"]
-    async with connect(address, subprotocols=protocols, compression=None, max_size=None) as socket:
+    options: Any = {"subprotocols": protocols, "compression": None, "max_size": None}
+    opening = connect(address, **options) if "://" in address else unix_connect(address, **options)
+    async with opening as socket:
         await socket.send(msgspec.msgpack.encode(CAMERA))
         yield socket

@@ -1,5 +1,7 @@
 """A drag of the robot's body aims a push, and its end gives it."""
 
+import math
+import warnings
 from types import SimpleNamespace
 from typing import Any
 
@@ -92,3 +94,10 @@ def test_escape_another_client_and_a_lost_browser_give_nothing(dragger, runner, 
     monkeypatch.setattr(viser_server, "get_clients", lambda: {1: None})
     dragger.drag("end", 0.3, 0.0, client=2)
     assert runner.pushes == []
+
+
+def test_a_camera_on_its_side_gives_no_push_and_no_warning():
+    """Right is up there: no direction on the ground."""
+    half = math.sqrt(0.5)
+    with warnings.catch_warnings(action="error"):
+        assert np.isnan(on_ground(np.array([0.0, 1.0, 1.0]), np.array([half, 0.0, -half, 0.0]))).all()

@@ -1,11 +1,11 @@
 """Transport of the scene to browsers: the latest values, once each, and nothing kept; and who the browsers are."""
 
 import asyncio
-import socket
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -15,7 +15,7 @@ import viser
 from conftest import PATIENCE, wait_for
 from scene_reader import decoded
 from viser import _messages
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import unix_connect
 from websockets.sync.client import connect as connect_blocking
 
 from app.live.runner import LiveState
@@ -109,9 +109,9 @@ def viewer(runner: Replay) -> Iterator[Viewer]:
     viewer.stop()
 
 
-async def read(port: int, nb_batches: int) -> list[dict[str, Any]]:
+async def read(path: Path, nb_batches: int) -> list[dict[str, Any]]:
     """The messages of a new client: all of the beginning, then so many batches."""
-    async with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], compression=None, max_size=None) as socket:
+    async with unix_connect(str(path), subprotocols=[PROTOCOL], compression=None, max_size=None) as socket:
         messages: list[dict[str, Any]] = []
         while not any(message["type"] == "ReplayDoneMessage" for message in messages):
             messages += decoded(await asyncio.wait_for(socket.recv(decode=False), PATIENCE))
@@ -121,10 +121,10 @@ async def read(port: int, nb_batches: int) -> list[dict[str, Any]]:
 
 
 def test_late_browser_gets_every_node_before_what_moves_it_and_nothing_was_kept_for_it(viewer):
-    asyncio.run(read(viewer.port, 20))  # until the sliders show what is asked
+    asyncio.run(read(viewer.socket, 20))  # until the sliders show what is asked
     before = nb_message_ids(viewer.server)
 
-    messages = asyncio.run(read(viewer.port, 30))
+    messages = asyncio.run(read(viewer.socket, 30))
     assert nb_message_ids(viewer.server) == before
     made = [
         message["name"]
@@ -141,7 +141,7 @@ def test_late_browser_gets_every_node_before_what_moves_it_and_nothing_was_kept_
 
 
 def test_nothing_is_drawn_without_a_client(viewer, runner):
-    asyncio.run(read(viewer.port, 3))
+    asyncio.run(read(viewer.socket, 3))
     wait_for(lambda: not viewer.broadcaster.nb_clients)
     time.sleep(0.1)  # the frame under way
     nb_reads = runner.nb_reads
@@ -149,20 +149,10 @@ def test_nothing_is_drawn_without_a_client(viewer, runner):
     assert runner.nb_reads == nb_reads
 
 
-def slow_reader(port: int) -> socket.socket:
-    """A connection that holds as little on its way as one through the proxy does."""
-    end = socket.socket()
-    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    end.connect(("127.0.0.1", port))
-    end.setblocking(False)
-    return end
-
-
 def test_browser_that_does_not_read_is_left_out_and_catches_up_with_the_latest(viewer):
     async def stall() -> tuple[int, int]:
-        uri, end = f"ws://127.0.0.1:{viewer.port}", slow_reader(viewer.port)
-        async with connect(
-            uri, sock=end, subprotocols=[PROTOCOL], compression=None, max_size=None, max_queue=1
+        async with unix_connect(
+            str(viewer.socket), subprotocols=[PROTOCOL], compression=None, max_size=None, max_queue=1
         ) as reader:
             while not any(m["type"] == "ReplayDoneMessage" for m in decoded(await reader.recv(decode=False))):
                 pass

@@ -13,7 +13,7 @@ import viser
 from conftest import PATIENCE, wait_for
 from scene_reader import decoded
 from viser import _messages
-from websockets.sync.client import connect
+from websockets.sync.client import connect, unix_connect
 
 from app.viewer.transport import viser_private
 from app.viewer.transport.broadcaster import Encoder
@@ -207,3 +207,29 @@ def private_names(path: Path) -> set[str]:
 def test_only_one_module_uses_private_names_of_viser():
     using = {path.name for path in VIEWER.rglob("*.py") if private_names(path)}
     assert using == {"viser_private.py"}
+
+
+def test_controls_forms_and_commands_are_found_by_the_ids_in_messages(viser_server):
+    box = viser_server.gui.add_checkbox("box", False)
+    with viser_server.gui.add_form(None) as form:
+        pass
+    command: Any = viser_server.gui.add_command("command")
+    with Browser(viser_server) as browser:
+        browser.read_until("ReplayDoneMessage")
+        ids: Any = {message["type"]: message.get("uuid") for message in browser.messages}
+    assert viser_private.input_handle(viser_server, ids["GuiCheckboxMessage"]) is box, changed("the handles by id")
+    assert viser_private.container(viser_server, ids["GuiFormMessage"]) is form, changed("the containers by id")
+    assert viser_private.command_exists(viser_server, ids["RegisterCommandMessage"]), changed("the commands by id")
+    assert viser_private.input_handle(viser_server, "") is None and command is not None
+
+
+def test_a_server_can_be_made_to_listen_on_a_unix_socket(tmp_path):
+    with viser_private.listening_on(tmp_path / "socket"):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        assert (tmp_path / "socket").is_socket(), changed("how it begins to listen: websockets' serve")
+        protocol: Any = f"viser-v{viser.__version__}"
+        with unix_connect(str(tmp_path / "socket"), subprotocols=[protocol], compression=None, max_size=None) as end:
+            assert decoded(end.recv(timeout=PATIENCE))  # pyright: ignore[reportArgumentType]
+    finally:
+        server.stop()

@@ -19,7 +19,7 @@ MORE_LAYERS = ("trails",)  # beside those that the live scene shows at its start
 
 def replay_page(recording: Recording) -> str:
     """Standalone HTML page that plays a recording."""
-    server = start_server()
+    server, _ = start_server()
     try:
         return _played(server, recording)
     finally:

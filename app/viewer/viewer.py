@@ -1,15 +1,18 @@
 """Viewer of the live robot: shows the runner's latest snapshot at a steady rate while a browser is connected.
 
-viser listens on a loopback port of its own, which `app.http.page` serves to the outside.
+viser listens on a Unix socket that only this user can open, and `app.http.scene_proxy` serves it to the outside.
 """
 
 import asyncio
 import contextlib
 import io
 import logging
+import tempfile
 import time
+import weakref
 from collections.abc import Mapping
 from concurrent.futures import Future
+from pathlib import Path
 
 import viser
 
@@ -20,8 +23,9 @@ from app.viewer.scene.frame import RenderQuality
 from app.viewer.scene.layers import DEFAULT_LAYERS
 from app.viewer.scene.scene import Scene, add_key_light
 from app.viewer.transport.broadcaster import Broadcaster
+from app.viewer.transport.client_messages import ClientMessages
 from app.viewer.transport.client_registry import ClientRegistry
-from app.viewer.transport.viser_private import refuse_tunnels
+from app.viewer.transport.viser_private import listening_on, refuse_tunnels
 from walkcore.errors import InvalidValueError
 
 logger = logging.getLogger(__name__)
@@ -43,7 +47,8 @@ class Viewer:
             quality: amount of detail to render.
         """
         self._runner = runner
-        self.server = start_server(runner.robot.name.capitalize())
+        self.server, self.socket = start_server(runner.robot.name.capitalize())
+        """viser's server, and the Unix socket on which it listens."""
         refuse_tunnels(self.server)
         self.server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="small", brand_color=ACCENT
@@ -61,10 +66,14 @@ class Viewer:
         self.cost = FrameCost()
         """Processor time of the frames that a browser was sent."""
 
-    @property
-    def port(self) -> int:
-        """Loopback port on which viser listens."""
-        return self.server.get_port()
+    def client_messages(self, is_operator: bool = True) -> ClientMessages:
+        """Check of the messages of one more browser.
+
+        Args:
+            is_operator: False for one who may only look.
+        """
+        names = frozenset(mesh.name for mesh in self.scene.draggable)
+        return ClientMessages(self.server, names, is_operator)
 
     @property
     def layers(self) -> dict[str, bool]:
@@ -126,10 +135,14 @@ class Viewer:
         self.broadcaster.send(self.scene.updates)
 
 
-def start_server(label: str | None = None) -> viser.ViserServer:
-    """Start a viser on a free port of the loopback."""
-    with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that nobody should open
-        return viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
+def start_server(label: str | None = None) -> tuple[viser.ViserServer, Path]:
+    """Start a viser on a Unix socket in a folder that only this user can enter."""
+    folder = tempfile.TemporaryDirectory(prefix="walk-viser-")
+    path = Path(folder.name) / "socket"
+    with listening_on(path), contextlib.redirect_stdout(io.StringIO()):  # it would print an address that nobody opens
+        server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
+    weakref.finalize(server, folder.cleanup)
+    return server, path
 
 
 def spare_light_clients(server: viser.ViserServer, clients: ClientRegistry) -> None:

@@ -23,6 +23,7 @@ IMPULSE_PER_METRE = 60.0  # [N s/m] of the drag, at the depth of the body
 MIN_DRAG = 0.06  # [m] from the beginning of a drag, within which it gives nothing
 MAX_DRAG = 10.0  # [m]; a client may send any
 RESOLUTION = 0.5  # [N s]
+MIN_LEVEL = 1e-3  # length on the ground of the camera's direction to the right
 ROUNDING = 1e-12  # by which the strongest push may not exceed its limit
 
 
@@ -75,7 +76,7 @@ class DragPush:
             return None
         drag = on_ground(p_start_end, np.asarray(event.client.camera.wxyz))
         length = float(np.hypot(*drag))
-        if length < MIN_DRAG:
+        if not length >= MIN_DRAG:  # nor where the camera's sideways is no direction on the ground
             return None
         strength = min(IMPULSE_PER_METRE * length, self._runner.robot.max_push)
         return (1.0 - ROUNDING) * np.floor(strength / RESOLUTION) * RESOLUTION * drag / length
@@ -99,7 +100,7 @@ class DragPush:
 
 
 def on_ground(drag: Vector, wxyz: Vector) -> Vector:
-    """Drag across the screen as one on the ground [m], shape (2,).
+    """Drag across the screen as one on the ground [m], shape (2,); NaN for a camera that lies on its side.
 
     Args:
         drag: parallel to the screen, world frame [m], shape (3,).
@@ -108,6 +109,9 @@ def on_ground(drag: Vector, wxyz: Vector) -> Vector:
     w, x, y, z = wxyz
     right = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     down = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
-    sideways = right[:2] / np.hypot(*right[:2])
+    level = np.hypot(*right[:2])
+    if level < MIN_LEVEL:
+        return np.full(2, np.nan)
+    sideways = right[:2] / level
     away = np.array([-sideways[1], sideways[0]])  # the camera does not roll
     return sideways * (drag @ right) - away * (drag @ down)

@@ -64,7 +64,7 @@ class Broadcaster:
         present = connections(self._server)
         self.last_sent = {client: frame for client, frame in self.last_sent.items() if client in present}
         for client, connection in present.items():
-            if connection.transport.get_write_buffer_size():
+            if connection.transport.is_closing() or connection.transport.get_write_buffer_size():
                 continue
             if client not in self.last_sent:
                 if not has_whole_scene(self._server, client):

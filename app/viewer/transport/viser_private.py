@@ -4,12 +4,14 @@
 Talos at thirty frames a second (`benchmarks/viewer.py`, with `--public` for the scene's handles).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import viser
+import websockets.asyncio.server
 from numpy.typing import NDArray
 from viser import _messages
 from websockets.asyncio.server import ServerConnection
@@ -45,6 +47,40 @@ def has_whole_scene(server: viser.ViserServer, client_id: int) -> bool:
     """Whether viser has sent a client every message that it keeps for new ones; nothing public says when."""
     buffer = server._websock_server._broadcast_buffer
     return buffer.generator_cursors.get(client_id, -1) >= buffer.message_counter - 1
+
+
+@contextmanager
+def listening_on(path: Path) -> Iterator[None]:
+    """Have the viser server that is made meanwhile listen on a Unix socket; viser itself knows ports only.
+
+    A port of the loopback is open to every user of the machine, and to every page in a browser on it. viser looks
+    `websockets.asyncio.server.serve` up when it starts to listen, which it has done when its constructor returns.
+    """
+    serve = websockets.asyncio.server.serve
+
+    def serve_on_path(handler: Any, _host: str, _port: int, **options: Any) -> Any:
+        return serve(handler, unix=True, path=str(path), **options)
+
+    websockets.asyncio.server.serve = serve_on_path  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve
+
+
+def input_handle(server: viser.ViserServer, uuid: str) -> Any:
+    """Control of the panel by its id, None if there is none; nothing public finds a handle by the id in a message."""
+    return server.gui._gui_input_handle_from_uuid.get(uuid)
+
+
+def container(server: viser.ViserServer, uuid: str) -> Any:
+    """Form, folder or tab of the panel by its id, None if there is none; see `input_handle`."""
+    return server.gui._container_handle_from_uuid.get(uuid)
+
+
+def command_exists(server: viser.ViserServer, uuid: str) -> bool:
+    """Whether a command of the palette has this id; see `input_handle`."""
+    return uuid in server.gui._command_handle_from_uuid
 
 
 def nb_message_ids(server: viser.ViserServer) -> int:

@@ -1,0 +1,133 @@
+"""viser's websocket behind our own port.
+
+viser's client at `/viewer/` opens the websocket at its page's address without the trailing slash, or where the page's
+`websocket` parameter says: `/viewer/light` draws less, and `client` names the page, so that the panel shows whose
+sliders drive. viser has no authentication, takes any Origin and believes its clients. So only this module reaches it,
+behind the guards of all routes, and hands on what `app.viewer.transport.client_messages` lets pass.
+"""
+
+import asyncio
+import logging
+import time
+from contextlib import suppress
+from typing import Annotated
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, unix_connect
+from websockets.exceptions import WebSocketException
+
+from app.http.page import viser_page
+from app.viewer import LIGHT_PATH, Viewer
+from app.viewer.transport.client_messages import ClientMessages, ForbiddenMessageError
+
+logger = logging.getLogger(__name__)
+
+CLOSE_TIMEOUT = 0.2  # [s] viser's response to a close is waited for; behind poses that nobody takes it never comes
+FORWARD_PERIOD = 1.0 / 30.0  # [s] from one handing on of a browser's messages to the next
+MAX_RATE = 120.0  # messages that are read of one browser a second; a person's camera sends 50
+BURST = 30  # messages that are read at once
+TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
+
+Client = Annotated[str, Query(max_length=64)]
+
+
+def scene_router(viewer: Viewer) -> APIRouter:
+    """Routes of the scene: viser's page and its websocket.
+
+    Args:
+        viewer: owner of viser's server.
+    """
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/viewer/")
+    async def page(request: Request) -> Response:
+        return viser_page().response(request)
+
+    @router.websocket("/viewer")
+    async def scene(browser: WebSocket, client: Client = "") -> None:
+        await _proxy(browser, viewer, f"/?{urlencode({'client': client})}")
+
+    @router.websocket("/viewer/light")
+    async def light_scene(browser: WebSocket, client: Client = "") -> None:
+        await _proxy(browser, viewer, f"{LIGHT_PATH}?{urlencode({'client': client})}")
+
+    return router
+
+
+async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
+    """Connect a browser with viser."""
+    try:
+        upstream = await unix_connect(
+            str(viewer.socket),
+            f"ws://localhost{path}",
+            subprotocols=browser.scope["subprotocols"],  # viser closes a connection that does not name its own
+            compression=None,
+            close_timeout=CLOSE_TIMEOUT,
+            max_size=None,
+            max_queue=2,
+        )
+    except (OSError, WebSocketException):
+        await browser.close(TRY_AGAIN_LATER)
+        return
+    async with upstream:
+        await browser.accept(subprotocol=upstream.subprotocol)
+        await _relay(browser, upstream, viewer.client_messages())
+
+
+async def _relay(browser: WebSocket, upstream: ClientConnection, messages: ClientMessages) -> None:
+    """Pass messages both ways until one side closes, or the browser sends what it may not."""
+    refusal = ""
+
+    async def down() -> None:
+        async for message in upstream:
+            await (browser.send_text(message) if isinstance(message, str) else browser.send_bytes(message))
+        await browser.close()
+
+    async def up() -> None:
+        nonlocal refusal
+        budget = ReadBudget()
+        while (message := await browser.receive())["type"] == "websocket.receive":
+            try:
+                messages.add(message.get("bytes") or b"")
+            except ForbiddenMessageError as error:
+                refusal = str(error)
+                return
+            await asyncio.sleep(budget.take(time.monotonic()))  # meanwhile nothing is read: the sender has to wait
+
+    async def forward() -> None:
+        while True:
+            for message in messages.take():
+                await upstream.send(message)
+            await asyncio.sleep(FORWARD_PERIOD)
+
+    pumps = [asyncio.ensure_future(pump()) for pump in (down, up, forward)]
+    try:
+        await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for pump in pumps:
+            pump.cancel()
+        for outcome in await asyncio.gather(*pumps, return_exceptions=True):
+            if isinstance(outcome, Exception) and not isinstance(outcome, (WebSocketDisconnect, WebSocketException)):
+                raise outcome
+    if refusal:
+        logger.warning("a browser was disconnected from the scene for its message: %.100r", refusal)
+        with suppress(WebSocketDisconnect):
+            await browser.close(POLICY_VIOLATION)
+
+
+class ReadBudget:
+    """Rate at which the messages of one browser are read."""
+
+    def __init__(self) -> None:
+        """Start with all of the burst."""
+        self._due = 0.0
+
+    def take(self, now: float) -> float:
+        """Count a message, and return how long to wait before the next is read [s].
+
+        Args:
+            now: time of any clock that only goes forward [s].
+        """
+        self._due = max(self._due, now - BURST / MAX_RATE) + 1.0 / MAX_RATE
+        return max(0.0, self._due - now)
