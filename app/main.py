@@ -16,7 +16,8 @@ from app.http.headers import SecurityHeadersMiddleware
 from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
 from app.http.scene_proxy import scene_router
-from app.http.token import Token, TokenMiddleware, signin_router
+from app.http.seats import Seats
+from app.http.token import TokenMiddleware, Tokens, signin_router
 from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
 from app.runs import RunLimits, Runs
@@ -84,17 +85,19 @@ def create_app(settings: Settings) -> FastAPI:
     )
     refusals.install(app)
     app.add_middleware(SameOriginMiddleware)
-    if settings.walk_token.get_secret_value():
-        token = Token(settings.walk_token.get_secret_value())
-        app.add_middleware(TokenMiddleware, token=token)
-        app.include_router(signin_router(token, page.STATIC / "signin.html"))
+    operator_token, view_token = settings.walk_token.get_secret_value(), settings.walk_view_token.get_secret_value()
+    seats = Seats(settings.spectators, has_roles=bool(operator_token))
+    if operator_token:
+        tokens = Tokens(operator_token, view_token)
+        app.add_middleware(TokenMiddleware, tokens=tokens)
+        app.include_router(signin_router(tokens, page.STATIC / "signin.html"))
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     for router in (live_robot.router, sockets.router, scripted_runs.router, service.router, service.metrics_router):
         app.include_router(router)
-    app.include_router(scene_router(viewer))
-    page.install(app)
+    app.include_router(scene_router(viewer, seats))
+    page.install(app, seats)
     return app
 
 

@@ -5,9 +5,9 @@ Whatever starts a process imports this before numpy: the algebra library reads t
 
 import os
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 # The matrices of the walk are small: threads of the algebra library only fight with each other over them.
@@ -39,6 +39,10 @@ class Settings(BaseSettings):
     """Detail of the scene: light has coarser meshes and no shadows, for browsers without a graphics card."""
     walk_token: SecretStr = SecretStr("")
     """Token that page, sockets and API require; empty requires none."""
+    walk_view_token: SecretStr = SecretStr("")
+    """Token of those who may only look; empty for none. It takes a `walk_token` beside it."""
+    spectators: int = Field(default=40, ge=1, le=500)
+    """Scenes that may be open at once; with tokens, operators come on top."""
     walk_hosts: str = ""
     """Further names by which the server is reached, with commas between them; `*` takes any."""
     walk_data: Path = Path("~/.local/share/walk")
@@ -57,3 +61,12 @@ class Settings(BaseSettings):
     """Most ticks of one run."""
     runs_max_events: int = Field(default=1000, ge=0)
     """Most events of one run."""
+
+    @model_validator(mode="after")
+    def _has_two_tokens(self) -> Self:
+        operator, viewer = self.walk_token.get_secret_value(), self.walk_view_token.get_secret_value()
+        if viewer and viewer == operator:
+            raise ValueError("WALK_VIEW_TOKEN must differ from WALK_TOKEN")
+        if viewer and not operator:
+            raise ValueError("WALK_VIEW_TOKEN needs a WALK_TOKEN beside it: without one everybody may do everything")
+        return self

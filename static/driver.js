@@ -12,11 +12,16 @@ export class DriverDisplay {
     this.hasDriven = localStorage.getItem("walk.hasDriven") !== null;
   }
 
+  /** @param {"operator" | "viewer"} role of this browser */
+  setRole(role) {
+    this.onlyLooks = role === "viewer";
+  }
+
   show(live) {
     const place = placeOf(live, this.teleop.client);
     const words = this.words(live, place);
     this.section.dataset.driver = place;
-    this.section.classList.toggle("inviting", place === "nowhere" && !this.hasDriven);
+    this.section.classList.toggle("inviting", place === "nowhere" && !this.hasDriven && !this.onlyLooks);
     if (this.caption.textContent !== words) this.caption.textContent = words;
     const { vx, vy, yaw_rate } = this.teleop.limits;
     this.mark(".joystick", -fraction(live.reference_vy, vy), -fraction(live.reference_vx, vx));
@@ -24,6 +29,7 @@ export class DriverDisplay {
   }
 
   words(live, place) {
+    if (this.onlyLooks) return `you are watching${place === "nowhere" ? "" : `: ${live.driver} drives`}`;
     if (place === "nowhere") return this.hasDriven ? "nobody drives" : HINT;
     if (place === "here") return `you drive: ${live.driver}`;
     if (place === "elsewhere") return `another browser drives: ${live.driver}`;

@@ -88,9 +88,13 @@ document.addEventListener("visibilitychange", () => {
   teleop.release();
 });
 
-/** Ask for the robot that walks, and set its limits on all controls. */
-async function loadLimits() {
-  const [health, robots] = await Promise.all([request("GET", "health"), request("GET", "robots")]);
+/** Ask for the robot that walks and for what this browser may do, and set the controls to that. */
+async function loadSession() {
+  const [health, robots, { role }] = await Promise.all(["health", "robots", "session"].map((path) => request("GET", path)));
+  document.body.classList.toggle("only-looks", role === "viewer");
+  scene.setRole(role);
+  driver.setRole(role);
+  if (role === "operator") teleop.connect();
   const { name, limits } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
   teleop.setLimits(limits);
@@ -106,7 +110,7 @@ let wasLost = false;
 new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   timeout: 5000,
   onOpen: () => {
-    loadLimits().catch(showError);
+    loadSession().catch(showError);
     if (wasLost) scene.load(); // viser's own client gives up while its frame has no focus
     wasLost = false;
   },

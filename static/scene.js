@@ -22,6 +22,7 @@ export class Scene {
     this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
     this.quality = suitableQuality();
     this.stopWatching = () => {};
+    this.role = "operator";
     this.frame.addEventListener("load", () => {
       this.addStyle();
       this.watchSize();
@@ -75,6 +76,13 @@ export class Scene {
     link.href = "/static/viewer.css";
     this.frame.contentDocument.head.append(link);
     this.showPanel(this.hasPanel);
+    this.setRole(this.role);
+  }
+
+  /** @param {"operator" | "viewer"} role of this browser: a viewer's panel shows, and takes nothing */
+  setRole(role) {
+    this.role = role;
+    this.frame.contentDocument?.documentElement.classList.toggle("only-looks", role === "viewer");
   }
 
   /** Keep the page's own controls within the scene, which viser makes smaller where its panel is. */

@@ -12,9 +12,17 @@ export class Teleop {
     this.held = []; // sources, the latest at the end
     this.engagement = 0; // number of the current hold: the server follows the newest one of all pages
     this.onEngage = onEngage;
+    this.onRefusal = onRefusal;
+    this.worker = null;
+  }
+
+  /** Begin to send; a browser that may only look never does. */
+  connect() {
+    if (this.worker) return;
     this.worker = new Worker(new URL(`./teleop_worker.js?client=${this.client}`, import.meta.url), { type: "module" });
-    this.worker.onmessage = ({ data }) => onRefusal(data);
+    this.worker.onmessage = ({ data }) => this.onRefusal(data);
     setInterval(() => this.worker.postMessage({}), HEARTBEAT_PERIOD);
+    if (this.held.length) this.send();
   }
 
   /**
@@ -61,11 +69,11 @@ export class Teleop {
   send(source) {
     const driver = this.held.at(-1) ?? source;
     const message = { reference: this.reference, driver, engagement: this.engagement };
-    this.worker.postMessage({ held: this.held.length ? message : null, message });
+    this.worker?.postMessage({ held: this.held.length ? message : null, message });
   }
 
   push(impulse) {
-    this.worker.postMessage({ message: { push: { impulse, duration: 0.0, frame: "robot" } } });
+    this.worker?.postMessage({ message: { push: { impulse, duration: 0.0, frame: "robot" } } });
   }
 
   get reference() {

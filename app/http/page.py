@@ -13,6 +13,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import Scope
 
+from app.http.seats import Seats, full_page
 from app.viewer import CLIENT_PAGE
 
 STATIC = Path(__file__).parents[2] / "static"
@@ -32,11 +33,13 @@ class PageFiles(StaticFiles):
         return response
 
 
-def install(app: FastAPI) -> None:
-    """Serve the page at `/` and its parts, compressed, below `/static`."""
+def install(app: FastAPI, seats: Seats) -> None:
+    """Serve the page at `/`, while there is a place for its scene, and its parts, compressed, below `/static`."""
 
     @app.get("/", include_in_schema=False)
-    async def page() -> FileResponse:
+    async def page(request: Request) -> FileResponse:
+        if not seats.has_room(request):
+            return full_page(STATIC / "full.html")
         return FileResponse(STATIC / "index.html", headers=REVALIDATE)
 
     app.mount("/static", GZipMiddleware(PageFiles(directory=STATIC)), name="static")

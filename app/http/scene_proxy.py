@@ -18,6 +18,8 @@ from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import WebSocketException
 
 from app.http.page import viser_page
+from app.http.seats import Seats
+from app.http.token import role_of
 from app.viewer import LIGHT_PATH, Viewer
 from app.viewer.transport.client_messages import ClientMessages, ForbiddenMessageError
 
@@ -32,11 +34,12 @@ TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
 Client = Annotated[str, Query(max_length=64)]
 
 
-def scene_router(viewer: Viewer) -> APIRouter:
+def scene_router(viewer: Viewer, seats: Seats) -> APIRouter:
     """Routes of the scene: viser's page and its websocket.
 
     Args:
         viewer: owner of viser's server.
+        seats: one of which each open scene takes.
     """
     router = APIRouter(include_in_schema=False)
 
@@ -46,13 +49,22 @@ def scene_router(viewer: Viewer) -> APIRouter:
 
     @router.websocket("/viewer")
     async def scene(browser: WebSocket, client: Client = "") -> None:
-        await _proxy(browser, viewer, f"/?{urlencode({'client': client})}")
+        await _seat(browser, viewer, seats, f"/?{urlencode({'client': client})}")
 
     @router.websocket("/viewer/light")
     async def light_scene(browser: WebSocket, client: Client = "") -> None:
-        await _proxy(browser, viewer, f"{LIGHT_PATH}?{urlencode({'client': client})}")
+        await _seat(browser, viewer, seats, f"{LIGHT_PATH}?{urlencode({'client': client})}")
 
     return router
+
+
+async def _seat(browser: WebSocket, viewer: Viewer, seats: Seats, path: str) -> None:
+    """Connect a browser with viser if there is a place for it."""
+    if not seats.has_room(browser):
+        await browser.close(TRY_AGAIN_LATER)
+        return
+    with seats.taken():
+        await _proxy(browser, viewer, path)
 
 
 async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
@@ -72,7 +84,7 @@ async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
         return
     async with upstream:
         await browser.accept(subprotocol=upstream.subprotocol)
-        await _relay(browser, upstream, viewer.client_messages())
+        await _relay(browser, upstream, viewer.client_messages(role_of(browser) == "operator"))
 
 
 async def _relay(browser: WebSocket, upstream: ClientConnection, messages: ClientMessages) -> None:

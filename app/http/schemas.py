@@ -156,6 +156,12 @@ class Health(BaseModel):
     )
 
 
+class Session(BaseModel):
+    """Rights of a client."""
+
+    role: Literal["operator", "viewer"] = Field(description="A viewer may only look.")
+
+
 def robot_body(robot: Robot) -> RobotBody:
     """A robot with its limits."""
     limits = RobotLimits(**robot.max_reference, push=robot.max_push)  # type: ignore[arg-type]  # its keys are ours

@@ -8,7 +8,8 @@ from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from app.http.prometheus import SERVER, memory_of
-from app.http.schemas import Health, RobotBody, late_json, robot_body
+from app.http.schemas import Health, RobotBody, Session, late_json, robot_body
+from app.http.token import role_of
 from app.live.runner import LiveState
 from app.routes.dependencies import AllRuns, LiveRunner
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
@@ -42,6 +43,12 @@ async def health(request: Request, runner: LiveRunner, runs: AllRuns) -> Health:
         clients=request.app.state.streams.nb_clients,
         runs=runs.problem or runs.notice,
     )
+
+
+@router.get("/session")
+async def session(request: Request) -> Session:
+    """What whoever asks may do: an operator everything, a viewer only look."""
+    return Session(role=role_of(request))
 
 
 @metrics_router.get("/metrics")

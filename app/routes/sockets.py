@@ -20,6 +20,8 @@ from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
 MAX_MESSAGE = 4096  # characters
+MAX_STREAMS = 250  # open at once
+TRY_AGAIN_LATER = 1013
 EARLY = 1e-3  # of a period: an event loop may wake so much before a time, and would send twice
 Encoding = Literal["json", "msgpack"]
 
@@ -63,8 +65,11 @@ async def stream(
 
     As text in JSON, or the same keys and values in binary MessagePack.
     """
-    await socket.accept()
     streams: SnapshotStreams = socket.app.state.streams
+    if streams.nb_clients >= MAX_STREAMS:
+        await socket.close(TRY_AGAIN_LATER)
+        return
+    await socket.accept()
     send = socket.send_text if format == "json" else socket.send_bytes
     streams.nb_clients += 1
     try:
