@@ -20,6 +20,7 @@ from app.http.seats import Seats
 from app.http.token import TokenMiddleware, Tokens, signin_router
 from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
+from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, RenderQuality, Viewer
@@ -80,6 +81,7 @@ def create_app(settings: Settings) -> FastAPI:
 
     app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
     app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
+    app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
         runner, lambda: streams.nb_clients, lambda: (viewer.cost.count, viewer.cost.seconds)
     )

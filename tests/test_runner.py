@@ -12,6 +12,7 @@ import pytest
 from conftest import PATIENCE, wait_for
 
 from app.live.runner import NoResponseError, NotPausedError, Runner
+from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 
@@ -222,7 +223,7 @@ def test_a_saved_session_crosses_processes_in_chunks(runner):
     runner.reset().result(PATIENCE)
     runner.drive(Reference(vx=0.2), "rest")
     runner.step(500).result(PATIENCE)
-    session = runner.save().result(PATIENCE)
+    session = Session.unpacked(runner.save().result(PATIENCE))
     assert len(session.segments) == 26
     rows = session.recording("walked", runner.robot)
     assert rows["tick"].tolist() == list(range(501)) and rows["reference_vx"][-1] == 0.2

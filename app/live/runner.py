@@ -22,7 +22,6 @@ import numpy as np
 from app.live.control import Control, NothingToSaveError, NotPausedError
 from app.live.link import ControlLink, NoResponseError
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
-from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
 
@@ -180,9 +179,12 @@ class Runner:
         pushes = RandomPushes(strength, interval, seed) if strength else None
         return self._link.request(Control.push_at_random, pushes)
 
-    def save(self, is_before_reset: bool = False) -> Future[Session]:
-        """The last minute since the last reset, or of the walk before it; `NothingToSaveError` if there was none."""
-        return self._link.request(Control.save, is_before_reset, convert=Session.unpacked)
+    def save(self, is_before_reset: bool = False) -> Future[list[bytes]]:
+        """The last minute since the last reset, or of the walk before it; `NothingToSaveError` if there was none.
+
+        As `Session.unpacked` reads it: to unpack it is work for a process that has the time.
+        """
+        return self._link.request(Control.save, is_before_reset)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self.parameters = parameters

@@ -9,6 +9,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.live.runner import Runner
+from app.routes.followed_runs import FollowedRuns
 from app.runs import Run, Runs
 from app.viewer import Viewer
 
@@ -36,3 +37,13 @@ def _run(run_id: str, runs: AllRuns) -> Run:
 
 
 KnownRun = Annotated[Run, Depends(_run)]
+
+
+async def _room_to_follow(connection: HTTPConnection) -> FollowedRuns:
+    """The followed runs, if one more stream may be opened: a stream that has begun cannot be refused."""
+    followed: FollowedRuns = connection.app.state.followed
+    followed.check_room()
+    return followed
+
+
+RoomToFollow = Annotated[FollowedRuns, Depends(_room_to_follow)]

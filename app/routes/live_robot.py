@@ -95,14 +95,16 @@ async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
     responses={
         201: {"headers": {"Location": {"description": "Address of the run.", "schema": {"type": "string"}}}},
         409: {"model": ErrorBody, "description": "There was no walk before the last reset."},
+        503: {"model": ErrorBody, "description": "The control process is gone, or too many walks are being saved."},
     },
 )
 async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
     """Keep the last minute of the robot as a run that is done, with the scenario that leads to the same again."""
     requested = body or SaveBody()
-    session = await asyncio.wrap_future(runner.save(requested.before_reset))
     name = requested.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
-    run = await asyncio.to_thread(lambda: runs.add_finished(session.recording(name, runner.robot)))
+    with runs.sessions.place():
+        segments = await asyncio.wrap_future(runner.save(requested.before_reset))
+        run = await asyncio.to_thread(runs.add_session, segments, name, runner.robot)
     response.headers["Location"] = address(run.id)
     return RunBody.model_validate(run)
 

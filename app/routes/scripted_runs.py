@@ -1,6 +1,5 @@
 """Scripted runs: send a scenario, follow its run, download its recording."""
 
-import asyncio
 import re
 from collections.abc import AsyncIterable
 from typing import Any, Literal
@@ -14,10 +13,8 @@ from app.http.guards import MAX_BODY
 from app.http.run_schemas import RunBody, RunSummary, address
 from app.http.scenario_schema import SCENARIO
 from app.http.schemas import ErrorBody
-from app.routes.dependencies import AllRuns, KnownRun
+from app.routes.dependencies import AllRuns, KnownRun, RoomToFollow
 from app.runs import Run, Runs
-
-EVENT_PERIOD = 0.2  # [s] between checks of a run that is followed
 
 BUSY: dict[str, Any] = {
     "model": ErrorBody,
@@ -85,18 +82,16 @@ REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/sch
 @router.get(
     "/{run_id}/events",
     response_class=EventSourceResponse,
-    responses={404: REFUSED | {"description": "There is no such run."}, 422: REFUSED | {"description": "Bad input."}},
+    responses={
+        404: REFUSED | {"description": "There is no such run."},
+        422: REFUSED | {"description": "Bad input."},
+        503: REFUSED | {"description": "Too many streams are open."},
+    },
 )
-async def events(run: KnownRun, runs: AllRuns) -> AsyncIterable[ServerSentEvent]:
+async def events(run: KnownRun, followed: RoomToFollow) -> AsyncIterable[ServerSentEvent]:
     """Follow a run by server-sent events: its state, whenever that changes, until it has ended."""
-    sent = RunSummary.model_validate(run)
-    yield ServerSentEvent(data=sent)
-    while not run.has_ended:
-        await asyncio.sleep(EVENT_PERIOD)
-        run = runs.get(run.id)
-        if (now := RunSummary.model_validate(run)) != sent:
-            sent = now
-            yield ServerSentEvent(data=sent)
+    async for summary in followed.summaries(run):
+        yield ServerSentEvent(data=summary)
 
 
 NO_RECORDING = UNKNOWN | {409: {"model": ErrorBody, "description": "The run is not done: it has no files."}}

@@ -3,7 +3,7 @@
 import logging
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,9 @@ from app.formats import FORMATS
 from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.queue import Converter, RunQueue
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
+from app.runs.session_keeper import SessionKeeper
 from app.runs.store import RETRY_AFTER, DataInUseError, RunStore
+from walkcore import Robot
 from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
@@ -45,6 +47,8 @@ class Runs:
         self._queue = RunQueue(self._store, nb_workers, on_end=self._trim)
         self._admission = threading.Lock()
         self._converter = Converter()
+        self.sessions = SessionKeeper(self._store)
+        """Keeps walks that were driven live; see `add_session`."""
 
     def start(self) -> None:
         """Begin with the queued runs."""
@@ -53,6 +57,7 @@ class Runs:
     def stop(self) -> None:
         """End all processes. The next server reports runs under way as failed, and takes up queued ones."""
         self._converter.stop()
+        self.sessions.stop()
         self._queue.stop()
         self._store.close()
         if self._temporary is not None:
@@ -106,6 +111,12 @@ class Runs:
             raise
         self._trim()
         return self._store.get(run.id)
+
+    def add_session(self, segments: Sequence[bytes], name: str, robot: Robot) -> Run:
+        """Keep a walk that was driven live as a run that is done; see `SessionKeeper.keep`."""
+        run = self.sessions.keep(segments, name, robot)
+        self._trim()
+        return run
 
     def get(self, run_id: str) -> Run:
         """The present state of a run.

@@ -1,0 +1,83 @@
+"""Runs that streams of events follow: each is looked up once for all of its streams."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from app.http.run_schemas import RunSummary
+from app.runs import Run, Runs, RunsUnavailableError, UnknownRunError
+from app.runs.run import ENDED
+
+PERIOD = 0.2  # [s] between looks
+MAX_STREAMS = 200  # open at once
+RETRY_AFTER = 10  # [s]
+
+
+@dataclass(slots=True, eq=False)
+class _Followed:
+    """A run with streams, and what was last known of it."""
+
+    summary: RunSummary
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set, and replaced, when there is something new, or when the run is gone."""
+    nb_streams: int = 0
+    is_gone: bool = False
+
+
+class FollowedRuns:
+    """Reader of the followed runs, for any number of streams. Belongs to the event loop."""
+
+    def __init__(self, runs: Runs) -> None:
+        """Follow none yet."""
+        self._runs = runs
+        self._followed: dict[str, _Followed] = {}
+        self._reader: asyncio.Task[None] | None = None
+        self._nb_streams = 0
+
+    def check_room(self) -> None:
+        """Refuse one stream more than there may be.
+
+        Raises:
+            RunsUnavailableError: if there are so many.
+        """
+        if self._nb_streams >= MAX_STREAMS:
+            raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open", RETRY_AFTER)
+
+    async def summaries(self, run: Run) -> AsyncIterator[RunSummary]:
+        """What is known of a run, now and whenever that changes, until it has ended or is gone."""
+        followed = self._followed.setdefault(run.id, _Followed(RunSummary.model_validate(run)))
+        followed.nb_streams += 1
+        self._nb_streams += 1
+        try:
+            while True:
+                changed, summary = followed.changed, followed.summary
+                yield summary
+                if summary.status in ENDED or followed.is_gone:
+                    return
+                if self._reader is None or self._reader.done():
+                    self._reader = asyncio.create_task(self._read())
+                await changed.wait()
+        finally:
+            self._nb_streams -= 1
+            followed.nb_streams -= 1
+            if not followed.nb_streams:
+                self._followed.pop(run.id, None)
+
+    async def _read(self) -> None:
+        """Look up every followed run, as long as there is one."""
+        while self._followed:
+            await asyncio.sleep(PERIOD)
+            found = await asyncio.to_thread(self._look_up, list(self._followed))
+            for run_id, followed in list(self._followed.items()):
+                if run_id in found and (summary := found[run_id]) != followed.summary:
+                    followed.is_gone, followed.summary = summary is None, summary or followed.summary
+                    followed.changed.set()
+                    followed.changed = asyncio.Event()
+
+    def _look_up(self, run_ids: list[str]) -> dict[str, RunSummary | None]:
+        found: dict[str, RunSummary | None] = dict.fromkeys(run_ids)
+        for run_id in run_ids:
+            with suppress(UnknownRunError):
+                found[run_id] = RunSummary.model_validate(self._runs.get(run_id))
+        return found

@@ -1,0 +1,142 @@
+"""Work that clients request of the runs is bounded: one walk is saved at a time, elsewhere; streams share a reader."""
+
+import asyncio
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from multiprocessing import active_children
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import PATIENCE, wait_for
+
+from app.live.control import Control
+from app.live.session_log import Session
+from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
+from app.runs import Run, RunLimits, Runs, RunsUnavailableError, UnknownRunError
+from app.runs.run import RunProgress
+from app.runs.session_keeper import MAX_SAVES
+from walkcore import Parameters, load_robot
+
+HRP2 = load_robot("hrp2")
+LIMITS = RunLimits(600.0, 120_000, 1000)
+
+
+@pytest.fixture
+def runs(tmp_path) -> Iterator[Runs]:
+    runs = Runs(tmp_path, nb_workers=1, nb_queued=5, nb_kept=100, bytes_kept=10**9, limits=LIMITS)
+    yield runs
+    runs.stop()
+
+
+@pytest.fixture(scope="module")
+def session() -> list[bytes]:
+    """A short walk, as the control process packs it."""
+    control = Control(HRP2, Parameters(control_period=0.02), lambda _: None)
+    for _ in range(30):
+        control.tick()
+    return list(control.save(False))
+
+
+def test_a_walk_is_written_by_a_process_of_its_own_as_it_would_be_here(runs, session, tmp_path):
+    seen = set[str]()
+    thread = threading.Thread(target=lambda: runs.add_session(session, "driven", HRP2))
+    thread.start()
+    wait_for(lambda: seen.update(p.name for p in active_children()) or not thread.is_alive())
+    assert seen == {"walk job"} and active_children() == []
+    (run,) = runs.list()
+    assert (run.status, run.name, run.robot) == ("done", "driven", "hrp2")
+    Session.unpacked(session).recording("driven", HRP2).write(tmp_path / "here")
+    for name in ("recording.npz", "recording.csv", "run.json"):
+        assert runs.file(run.id, name).read_bytes() == (tmp_path / "here" / name).read_bytes()
+    assert files(tmp_path / "unfinished") == []
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*")) if folder.exists() else []
+
+
+def test_so_many_walks_are_saved_at_once_and_no_more(runs):
+    with ExitStack() as places:
+        for _ in range(MAX_SAVES):
+            places.enter_context(runs.sessions.place())
+        with pytest.raises(RunsUnavailableError, match="being saved"), runs.sessions.place():
+            pass
+    with runs.sessions.place():
+        pass
+
+
+def test_a_walk_that_cannot_be_written_leaves_nothing(runs, tmp_path):
+    with pytest.raises(Exception, match="pickle"):
+        runs.add_session([b"no session"], "broken", HRP2)
+    assert runs.list() == [] and files(tmp_path / "unfinished") == []
+
+
+class Lookups:
+    """Stand-in for the runs that counts how often each is looked up."""
+
+    def __init__(self) -> None:
+        self.counts = Counter[str]()
+        self.runs: dict[str, Run] = {}
+
+    def get(self, run_id: str) -> Run:
+        self.counts[run_id] += 1
+        if run_id not in self.runs:
+            raise UnknownRunError(run_id)
+        return self.runs[run_id]
+
+
+@pytest.fixture
+def lookups() -> Lookups:
+    found = Lookups()
+    progress: Any = RunProgress(0.1)
+    for run_id in ("a", "b"):
+        found.runs[run_id] = Run(run_id, {}, "hrp2", 1.0, "running", "", 0.0, 0.0, None, progress, 0, None)
+    return found
+
+
+def test_streams_of_a_run_share_its_reader_and_all_see_its_end(lookups):
+    async def follow() -> list[list[str]]:
+        followed: Any = FollowedRuns(lookups)  # type: ignore[arg-type]
+        seen: list[list[str]] = [[] for _ in range(50)]
+
+        async def read(k: int) -> None:
+            async for summary in followed.summaries(lookups.runs["a"]):
+                seen[k].append(summary.status)
+
+        streams = [asyncio.create_task(read(k)) for k in range(50)]
+        while lookups.counts["a"] < 3:
+            await asyncio.sleep(0.01)
+        lookups.runs["a"] = replace(lookups.runs["a"], status="done")
+        await asyncio.wait_for(asyncio.gather(*streams), PATIENCE)
+        return seen
+
+    assert asyncio.run(follow()) == 50 * [["running", "done"]]
+    assert lookups.counts["a"] <= 5 and lookups.counts["b"] == 0
+
+
+def test_a_stream_ends_when_its_run_is_removed(lookups):
+    async def follow() -> list[str]:
+        followed: Any = FollowedRuns(lookups)  # type: ignore[arg-type]
+        run = lookups.runs.pop("b")
+        return [summary.status async for summary in followed.summaries(run)]
+
+    assert asyncio.run(asyncio.wait_for(follow(), PATIENCE))[0] == "running"
+
+
+def test_so_many_streams_are_open_and_no_more(lookups):
+    async def follow() -> None:
+        followed: Any = FollowedRuns(lookups)  # type: ignore[arg-type]
+        streams = [followed.summaries(lookups.runs["a"]) for _ in range(MAX_STREAMS)]
+        for stream in streams:
+            await anext(stream)
+        with pytest.raises(RunsUnavailableError):
+            followed.check_room()
+        for stream in streams:
+            await stream.aclose()
+        followed.check_room()
+
+    asyncio.run(follow())
