@@ -97,15 +97,21 @@ def _write(out: Path, name: str, title: str, text: str, sections: Sequence[Secti
 
 
 def _markdown(title: str, text: str, sections: Sequence[Section]) -> str:
-    parts = [f"# {title}", text]
+    parts = [f"# {_plain(title)}", _plain(text)]
     for section in sections:
         parts.append(f"## {section.title}")
         if section.rows:
-            head, *body = [[cell.replace("|", "\\|") for cell in row] for row in section.rows]
+            head, *body = [[_plain(cell).replace("|", "\\|") for cell in row] for row in section.rows]
             lines = [head, ["---"] * len(head), *body]
             parts.append("\n".join(f"| {' | '.join(row)} |" for row in lines))
         parts += [f"![{figure}]({figure}.svg)" for figure in section.figures]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Text from outside as one line of Markdown that holds neither HTML nor links of its own."""
+    plain = escape(" ".join(text.split()), quote=False).replace("\\", "\\\\")
+    return plain.replace("`", "\\`").replace("](", "]\\(")
 
 
 def _html(out: Path, title: str, text: str, sections: Sequence[Section]) -> str:
