@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 import uvicorn
 from fastapi import FastAPI
+from fastapi_offline import FastAPIOffline
 
 from app.http import page, refusals
 from app.http.connections import allow_connections, limited_protocol, listening_socket
@@ -79,7 +80,14 @@ def create_app(settings: Settings) -> FastAPI:
             viewer.stop()
             runner.stop()
 
-    app = FastAPI(title="walk", version=version("walk"), description=__doc__ or "", lifespan=lifespan)
+    app = FastAPIOffline(
+        title="walk",
+        version=version("walk"),
+        description=__doc__ or "",
+        lifespan=lifespan,
+        redoc_url=None,
+        favicon_url="/static/icon.svg",
+    )
     app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(

@@ -1,13 +1,15 @@
 """Only known hosts are served, and what browsers are told about our pages."""
 
+import re
 import socket
 from collections.abc import Iterator
 
 import httpx
 import pytest
-from conftest import Server, serving
+from conftest import PATIENCE, Server, serving
 from hypothesis import given
 from hypothesis import strategies as st
+from playwright.sync_api import Browser, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -122,3 +124,21 @@ def test_no_other_site_may_show_our_pages_in_a_frame(server, path):
 def test_the_page_runs_no_script_that_is_not_a_file_of_ours(server):
     policy = httpx.get(server.url).headers["content-security-policy"]
     assert "default-src 'self';" in policy and "script-src" not in policy
+
+
+def test_the_documentation_loads_nothing_from_elsewhere(server):
+    page = httpx.get(f"{server.url}docs").text
+    found = re.findall(r"""(?:src|href)=["']([^"']+)""", page)
+    assert len(found) >= 3 and all(address.startswith("/") and not address.startswith("//") for address in found)
+    for address in found:
+        assert httpx.get(f"{server.url}{address[1:]}").status_code == 200
+
+
+def test_the_documentation_is_drawn_by_its_own_files(server, browser: Browser):
+    page = browser.new_page()
+    elsewhere: list[str] = []
+    page.on("request", lambda request: elsewhere.append(request.url) if server.host not in request.url else None)
+    page.goto(f"{server.url}docs")
+    expect(page.get_by_text("/api/v1/live/push")).to_be_visible(timeout=1e3 * PATIENCE)
+    assert [address for address in elsewhere if not address.startswith(("data:", "blob:"))] == []
+    page.close()

@@ -14,6 +14,9 @@ SCENE = (
     "style-src 'self' 'unsafe-inline'; connect-src 'self' data: blob: {sockets}; "
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
+# The page of the REST interface starts its scripts, which are files of ours, by a line of its own.
+DOCUMENTATION = PAGE + "; script-src 'self' 'unsafe-inline'"
+POLICIES = {"/viewer/": SCENE, "/docs": DOCUMENTATION}
 POLICY = "Content-Security-Policy"
 FIXED = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin", "X-Frame-Options": "SAMEORIGIN"}
 
@@ -44,4 +47,4 @@ class SecurityHeadersMiddleware:
 
 def _policy(path: str, host: str) -> str:
     """Content security policy of a path; `host` is known to be one of ours."""
-    return (SCENE if path == "/viewer/" else PAGE).format(sockets=f"ws://{host} wss://{host}")
+    return POLICIES.get(path, PAGE).format(sockets=f"ws://{host} wss://{host}")
