@@ -1,7 +1,10 @@
 # The demo on one port: docker build -t walk . && docker run -p 8000:8000 -v walk-runs:/data walk
 # Locked and hash-checked by requirements-runtime.lock. docs/deployment.md tells the rest.
 
-FROM docker.io/library/debian:bookworm-slim AS build
+# The tag of one version of Debian. A digest would hold its bytes as well: --build-arg BASE_IMAGE=debian@sha256:...
+ARG BASE_IMAGE=docker.io/library/debian:12.12-slim
+
+FROM ${BASE_IMAGE} AS build
 RUN apt-get update && apt-get install -y --no-install-recommends python3-venv && rm -rf /var/lib/apt/lists/* /var/cache/apt/*
 WORKDIR /src
 
@@ -29,7 +32,7 @@ RUN cd /opt/walk/lib/python3*/site-packages \
     && cd cmeel.prefix/lib && for a in *.so*; do for b in "${a%%.so*}".so*; do \
         if [ "$a" != "$b" ] && [ ! -L "$a" ] && [ ! -L "$b" ] && cmp -s "$a" "$b"; then ln -sf "$b" "$a"; fi; done; done
 
-FROM docker.io/library/debian:bookworm-slim
+FROM ${BASE_IMAGE}
 # libgomp1 is for Pinocchio.
 RUN apt-get update && apt-get install -y --no-install-recommends python3 libgomp1 && rm -rf /var/lib/apt/lists/* /var/cache/apt/* \
     && useradd --system --create-home --uid 990 walk && install -d -o walk -g walk /data

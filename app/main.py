@@ -19,6 +19,7 @@ from app.http.prometheus import LiveMetrics
 from app.http.scene_proxy import scene_router
 from app.http.seats import Seats
 from app.http.token import TokenMiddleware, Tokens, signin_router
+from app.http.watchdog import Watchdog
 from app.live.runner import Runner
 from app.routes import live_robot, scripted_runs, service, sockets
 from app.routes.followed_runs import FollowedRuns
@@ -49,10 +50,15 @@ def serve(settings: Settings) -> None:
         ws_per_message_deflate=False,
     )
     print(f"walk: open {_address(settings.host, listening)}", flush=True)
+    watchdog = Watchdog(f"{_address(settings.host, listening)}api/v1/health", settings.exit_unhealthy_after)
+    if settings.exit_unhealthy_after:
+        watchdog.start()
     try:
         uvicorn.Server(config).run(sockets=[listening])
     except KeyboardInterrupt:
         return  # uvicorn has shut down and passes the signal on
+    finally:
+        watchdog.stop()
 
 
 def create_app(settings: Settings) -> FastAPI:

@@ -45,6 +45,8 @@ class Settings(BaseSettings):
     """Scenes that may be open at once; with tokens, operators come on top."""
     walk_hosts: str = ""
     """Further names by which the server is reached, with commas between them; `*` takes any."""
+    exit_unhealthy_after: float = Field(default=0.0, ge=0.0)
+    """Time after which a server that is not healthy ends itself, to be started again [s]; 0 for never."""
     walk_data: Path = Path("~/.local/share/walk")
     """Folder where runs are kept; each server needs its own."""
     runs_workers: int = Field(default_factory=lambda: max(1, usable_cores() - 1), ge=1, le=256)

@@ -7,7 +7,7 @@
 set -eu
 
 cd "$(dirname "$0")/.."
-BASE=docker.io/library/debian:bookworm-slim
+BASE=$(sed -n 's/^ARG BASE_IMAGE=//p' Dockerfile)
 IMAGE=localhost/walk:check
 PORT=${PORT:-8499}
 MIRROR=${MIRROR:-http://deb.debian.org/debian}
