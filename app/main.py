@@ -20,8 +20,9 @@ from app.http.scene_proxy import scene_router
 from app.http.seats import Seats
 from app.http.token import TokenMiddleware, Tokens, signin_router
 from app.http.watchdog import Watchdog
+from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
-from app.routes import live_robot, scripted_runs, service, sockets
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
@@ -69,7 +70,8 @@ def create_app(settings: Settings) -> FastAPI:
         OSError: if the folder for runs cannot be written to.
     """
     runner = Runner(load_robot(settings.robot), LIVE)  # its process starts while the viewer is built
-    viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality())
+    lease = DriverLease()
+    viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality(), lease)
     runner.wait()
     runs = _runs(settings)
     streams = sockets.SnapshotStreams(runner)
@@ -95,6 +97,7 @@ def create_app(settings: Settings) -> FastAPI:
         favicon_url="/static/icon.svg",
     )
     app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
+    app.state.lease = lease
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
         runner, lambda: streams.nb_clients, lambda: (viewer.cost.count, viewer.cost.seconds)
@@ -110,8 +113,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
-    for router in (live_robot.router, sockets.router, scripted_runs.router, service.router, service.metrics_router):
-        app.include_router(router)
+    for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
+        app.include_router(routes.router)
+    app.include_router(service.metrics_router)
     app.include_router(scene_router(viewer, seats))
     page.install(app, seats)
     return app

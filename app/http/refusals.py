@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
 from app.http.schemas import ErrorBody, FieldError
+from app.live.driver_lease import LeaseHeldError
 from app.live.runner import NoResponseError, NothingToSaveError, NotPausedError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError, WalkError
@@ -40,6 +41,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(NothingToSaveError, _refuse_now)
     app.add_exception_handler(NoResponseError, _refuse_without_response)
     app.add_exception_handler(NoRecordingError, _refuse_now)
+    app.add_exception_handler(LeaseHeldError, _refuse_now)
     app.add_exception_handler(UnknownRunError, _refuse_unknown)
     app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
 

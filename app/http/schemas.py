@@ -156,6 +156,21 @@ class Health(BaseModel):
     )
 
 
+class LeaseRequest(Body):
+    """The browser that is to drive alone."""
+
+    client: str = Field(min_length=1, max_length=64, description="Name of its controls, as `driver_client` tells it.")
+    by: str = Field(default="", max_length=64, description="Name of the holder that hands over, where there is one.")
+
+
+class LeaseBody(BaseModel):
+    """Which browser drives alone."""
+
+    holder: str = Field(description="Name of its controls; empty where none does.")
+    expires_in: float = Field(description="Time until it loses that without a command [s].")
+    clients: list[str] = Field(description="Names of the controls that are connected.")
+
+
 class Session(BaseModel):
     """Rights of a client."""
 

@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
 from app.routes.followed_runs import FollowedRuns
 from app.runs import Run, Runs
@@ -26,6 +27,11 @@ async def _runs(connection: HTTPConnection) -> Runs:
     return connection.app.state.runs
 
 
+async def _lease(connection: HTTPConnection) -> DriverLease:
+    return connection.app.state.lease
+
+
+Lease = Annotated[DriverLease, Depends(_lease)]
 LiveRunner = Annotated[Runner, Depends(_runner)]
 LiveViewer = Annotated[Viewer, Depends(_viewer)]
 AllRuns = Annotated[Runs, Depends(_runs)]

@@ -19,7 +19,7 @@ from app.http.schemas import (
     live_json,
     preview_json,
 )
-from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer
+from app.routes.dependencies import AllRuns, Lease, LiveRunner, LiveViewer
 from app.viewer.scene.layers import DEFAULT_LAYERS
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
@@ -33,9 +33,11 @@ async def live(runner: LiveRunner) -> dict[str, Any]:
     return live_json(runner.latest)
 
 
-@router.put("/reference")
-async def reference(body: ReferenceBody, runner: LiveRunner) -> ReferenceBody:
-    """Request a velocity from the next tick on, until there is another request."""
+@router.put("/reference", responses={409: {"model": ErrorBody, "description": "A browser drives alone."}})
+async def reference(body: ReferenceBody, runner: LiveRunner, lease: Lease) -> ReferenceBody:
+    """Request a velocity from the next tick on, until there is another request; zero is taken whoever drives."""
+    if body != ReferenceBody():
+        lease.check("")
     runner.drive(body.to_reference(), "rest")
     return body
 

@@ -13,9 +13,10 @@ from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from app.http.refusals import field_errors, summary
-from app.http.schemas import TeleopMessage, live_json
+from app.http.schemas import ReferenceBody, TeleopMessage, live_json
+from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, Runner, TeleopClient
-from app.routes.dependencies import LiveRunner
+from app.routes.dependencies import Lease, LiveRunner
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
@@ -88,27 +89,37 @@ def time_to_next(rate: float) -> float:
 
 
 @router.websocket("/teleop")
-async def teleop(socket: WebSocket, runner: LiveRunner, client: Annotated[str, Query(max_length=64)] = "") -> None:
+async def teleop(
+    socket: WebSocket, runner: LiveRunner, lease: Lease, client: Annotated[str, Query(max_length=64)] = ""
+) -> None:
     """Take references and pushes, clamped to the robot's limits; bad messages are reported and change nothing.
 
     The live snapshot names the `client` that drives: whatever a page calls itself, or a name of our own.
     """
     await socket.accept()
-    teleop_client = TeleopClient(runner, client or secrets.token_hex(8))
-    with suppress(WebSocketDisconnect):
+    name = client or secrets.token_hex(8)
+    teleop_client = TeleopClient(runner, name)
+    with suppress(WebSocketDisconnect), lease.present(name):
+        refused = ""
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                _obey(message.get("text") or "", teleop_client)
+                _obey(message.get("text") or "", teleop_client, lease, name)
+                refused = ""
+            except LeaseHeldError as error:
+                if not refused:  # a held control repeats itself
+                    await socket.send_json({"error": str(error)})
+                refused = str(error)
             except ValidationError as error:
                 await socket.send_json({"error": summary(field_errors(error.errors()))})
             except InvalidValueError as error:
                 await socket.send_json({"error": str(error)})
 
 
-def _obey(text: str, client: TeleopClient) -> None:
-    """Carry out a teleop message.
+def _obey(text: str, client: TeleopClient, lease: DriverLease, name: str) -> None:
+    """Carry out a teleop message; a reference of zero stops the robot, whoever drives.
 
     Raises:
+        LeaseHeldError: if another browser drives alone.
         ValidationError: if it is not a message.
         InvalidValueError: if it is too long, or requests what cannot be clamped.
     """
@@ -117,4 +128,6 @@ def _obey(text: str, client: TeleopClient) -> None:
     if message.push is not None:
         client.push(message.push.to_push())
     if message.reference is not None:
+        if message.reference != ReferenceBody():
+            lease.check(name)
         client.steer(message.reference.to_reference(), message.driver, message.engagement)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import viser
 
+from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
 from app.viewer.panel.panel import Panel
 from app.viewer.scene.drag_push import DragPush
@@ -39,12 +40,13 @@ SMOOTHING = 0.02  # weight of the latest frame in the mean cost
 class Viewer:
     """Owner of viser's server and of the task that draws."""
 
-    def __init__(self, runner: Runner, quality: RenderQuality | None = None) -> None:
+    def __init__(self, runner: Runner, quality: RenderQuality | None = None, lease: DriverLease | None = None) -> None:
         """Build the scene; nothing is drawn before `start`.
 
         Args:
             runner: its snapshots are shown, and it gets the requests of the panel.
             quality: amount of detail to render.
+            lease: of the controls, which the sliders of the panel heed.
         """
         self._runner = runner
         self.server, self.socket = start_server(runner.robot.name.capitalize())
@@ -58,7 +60,7 @@ class Viewer:
         clients = ClientRegistry(self.server)
         spare_light_clients(self.server, clients)
         self._drag_push = DragPush(self.server, runner, self.scene.draggable)
-        self._panel = Panel(self.server, runner, self.scene, clients)
+        self._panel = Panel(self.server, runner, self.scene, clients, lease or DriverLease())
         self.server.gui.main_panel.set_width(PANEL_WIDTH)
         self.server.gui.main_panel.dock_right()  # beside the scene: it covers nothing
         self._loop = self.server.get_event_loop()

@@ -8,6 +8,7 @@ from typing import Any
 
 import viser
 
+from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, Runner
 from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.plots_tab import PlotsTab
@@ -35,7 +36,14 @@ ROW = '<tr><th style="text-align:left;font-weight:400;opacity:.7;padding-right:1
 class Panel:
     """Tabs with everything that a person sets and reads beside the scene."""
 
-    def __init__(self, server: viser.ViserServer, runner: Runner, scene: Scene, clients: ClientRegistry) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        runner: Runner,
+        scene: Scene,
+        clients: ClientRegistry,
+        lease: DriverLease,
+    ) -> None:
         """Make the controls.
 
         Args:
@@ -43,10 +51,11 @@ class Panel:
             runner: gets the requests.
             scene: its layers are switched, and its updates take what the panel shows.
             clients: tell which page a slider was moved on.
+            lease: of the controls; without it sliders do not drive while another browser drives alone.
         """
         tabs = server.gui.add_tab_group()
         with tabs.add_tab("Drive"):
-            self._drive = DriveTab(server, runner, clients)
+            self._drive = DriveTab(server, runner, clients, lease)
         with tabs.add_tab("View"):
             self.view = ViewTab(server, scene)
         with tabs.add_tab("Method"):
@@ -78,9 +87,9 @@ class Panel:
 class DriveTab:
     """Sliders that hold a reference velocity, and a button that sets it to zero."""
 
-    def __init__(self, server: viser.ViserServer, runner: Runner, clients: ClientRegistry) -> None:
+    def __init__(self, server: viser.ViserServer, runner: Runner, clients: ClientRegistry, lease: DriverLease) -> None:
         """Make the controls."""
-        self._runner, self._clients = runner, clients
+        self._runner, self._clients, self._lease = runner, clients, lease
         self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
         zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
         zero.on_click(lambda event: self._drive(Reference(), event))
@@ -110,6 +119,13 @@ class DriveTab:
 
     def _drive(self, reference: Reference, event: viser.GuiEvent[Any]) -> None:
         page = "" if event.client is None else self._clients.page(event.client)
+        try:
+            if reference != Reference():  # zero stops the robot, whoever drives
+                self._lease.check(page)
+        except LeaseHeldError as refusal:
+            if event.client is not None:
+                event.client.add_notification("Not driven", str(refusal), color="red")
+            return
         # A client may send any value, whatever range its slider shows.
         self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
 
