@@ -94,7 +94,7 @@ async function loadSession() {
   document.body.classList.toggle("only-looks", role === "viewer");
   scene.setRole(role);
   driver.setRole(role);
-  if (role === "operator") teleop.connect();
+  if (role === "viewer") teleop.disconnect();
   const { name, limits } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
   teleop.setLimits(limits);

@@ -12,17 +12,15 @@ export class Teleop {
     this.held = []; // sources, the latest at the end
     this.engagement = 0; // number of the current hold: the server follows the newest one of all pages
     this.onEngage = onEngage;
-    this.onRefusal = onRefusal;
-    this.worker = null;
+    this.worker = new Worker(new URL(`./teleop_worker.js?client=${this.client}`, import.meta.url), { type: "module" });
+    this.worker.onmessage = ({ data }) => onRefusal(data);
+    setInterval(() => this.worker?.postMessage({}), HEARTBEAT_PERIOD);
   }
 
-  /** Begin to send; a browser that may only look never does. */
-  connect() {
-    if (this.worker) return;
-    this.worker = new Worker(new URL(`./teleop_worker.js?client=${this.client}`, import.meta.url), { type: "module" });
-    this.worker.onmessage = ({ data }) => this.onRefusal(data);
-    setInterval(() => this.worker.postMessage({}), HEARTBEAT_PERIOD);
-    if (this.held.length) this.send();
+  /** Send nothing any more: this browser may only look. */
+  disconnect() {
+    this.worker?.terminate();
+    this.worker = null;
   }
 
   /**

@@ -348,8 +348,8 @@ def test_documentation_lists_every_route(server):
     assert httpx.get(f"{server.url}docs").status_code == 200
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
     verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
-    verbs += ("speed", "preview", "random-pushes", "save", "layers", "layers/defaults")
-    services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "live")}
+    verbs += ("speed", "preview", "random-pushes", "save", "layers", "layers/defaults", "lease")
+    services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "session", "live")}
     runs = {f"/api/v1/runs{rest}" for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in RUN_FILES))}
     expected = services | runs | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
@@ -357,7 +357,7 @@ def test_documentation_lists_every_route(server):
 
 def test_port_that_is_taken_is_one_line_and_exit_code_1(server):
     port = server.host.rpartition(":")[2]
-    outcome = subprocess.run([WALK, "serve", "--port", port], capture_output=True, text=True, timeout=60)
+    outcome = subprocess.run([WALK, "serve", "--port", port], capture_output=True, text=True, timeout=PATIENCE)
     assert outcome.returncode == 1 and outcome.stdout == ""
     assert len(outcome.stderr.splitlines()) == 1 and port in outcome.stderr
 
@@ -365,7 +365,7 @@ def test_port_that_is_taken_is_one_line_and_exit_code_1(server):
 @pytest.mark.parametrize(("name", "value"), [("ROBOT", "asimo"), ("PORT", "none"), ("PORT", "99999")])
 def test_wrong_setting_is_one_line_and_exit_code_2(name, value):
     environment = os.environ | {"PORT": "0", name: value}
-    outcome = subprocess.run([WALK, "serve"], capture_output=True, text=True, timeout=60, env=environment)
+    outcome = subprocess.run([WALK, "serve"], capture_output=True, text=True, timeout=PATIENCE, env=environment)
     assert outcome.returncode == 2
     assert len(outcome.stderr.splitlines()) == 1 and value in outcome.stderr
 
