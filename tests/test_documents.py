@@ -8,7 +8,7 @@ import yaml
 
 from app.commands import cli
 from app.formats import FORMATS
-from app.routes import live_robot, scripted_runs, service, sockets
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
 from walkcore import load_scenario, scenario_names
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.scenario.expectations import METRICS
@@ -21,7 +21,10 @@ DOCUMENTS = {
 }
 FOLDERS = ("walkcore", "app", "static", "tests", "benchmarks", "docs", "deploy")
 WRITTEN = {"growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json"}  # by commands, to a user's folder
-ROUTERS = (live_robot.router, scripted_runs.router, service.router, service.metrics_router, sockets.router)
+ROUTERS = (
+    *(module.router for module in (live_robot, driver_lease, scripted_runs, service, sockets)),
+    service.metrics_router,
+)
 ROUTES = {
     (method, route.path)  # pyright: ignore[reportAttributeAccessIssue]  # all of them have one
     for router in ROUTERS
@@ -133,9 +136,34 @@ def test_the_code_in_the_readme_runs(capsys):
     assert capsys.readouterr().out.strip().endswith("SOLVED")
 
 
+def named_tests(text: str) -> set[tuple[str, str]]:
+    """File and name of each test that a text names as `FILE::NAME`; `::NAME` is in the file that was named before."""
+    found, file = set[tuple[str, str]](), ""
+    for named, test in re.findall(r"`(test_\w+\.py)?(?:::(test_\w+))?`", text):
+        file = named or file
+        found |= {(file, test)} if test else set()
+    return found
+
+
+def test_every_row_of_the_threat_model_names_tests_that_exist():
+    text = DOCUMENTS["docs/trust.md"]
+    named = named_tests(text)
+    assert len(named) > 20
+    has_test = {
+        (file, test)
+        for file, test in named
+        if re.search(rf"^(?:async )?def {test}\(", (ROOT / "tests" / file).read_text(), re.MULTILINE)
+    }
+    assert named - has_test == set()
+    tables = [table.splitlines()[2:] for table in re.findall(r"(?:^\|.*\| test \|\n)(?:^\|.*\n)+", text, re.MULTILINE)]
+    assert len(tables) >= 3
+    assert [row for table in tables for row in table if "`test_" not in row] == []
+
+
 def test_what_does_not_exist_is_found():
     assert missing_links(ROOT, "[a](docs/no.md) [b](README.md)") == {"docs/no.md"}
     assert missing_files("`no.py` `lipm.py` walkcore/mpc/lipm walkcore/no/lipm.py") == {"no.py", "walkcore/no/lipm.py"}
     assert commands("`walk fly --high`") == {("fly", ""), ("fly", "--high")}
     assert not is_served("GET", "/api/v1/live/push") and is_served("POST", "/api/v1/live/push")
+    assert named_tests("`test_a.py::test_b`, `::test_c`") == {("test_a.py", "test_b"), ("test_a.py", "test_c")}
     assert not is_served("", "/api/v1/nowhere") and is_served("GET", "/api/v1/runs/ID/recording.{format}")
