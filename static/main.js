@@ -2,6 +2,7 @@
 
 import { openDialog } from "./dialogs.js";
 import { DriverDisplay } from "./driver.js";
+import { DriverLease } from "./driver_lease.js";
 import { GamepadDialog } from "./gamepad_dialog.js";
 import { Gamepads } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
@@ -32,6 +33,7 @@ const teleop = new Teleop({
   onEngage: () => driver.dismissHint(),
 });
 const driver = new DriverDisplay(teleop);
+const lease = new DriverLease({ client: teleop.client, request: requestAndShow });
 const pushReport = new PushReport();
 const time = new TimeControls({ request: requestAndShow });
 const randomPushes = new RandomPushes({ request: requestAndShow });
@@ -46,7 +48,10 @@ const actions = {
   zero: () => teleop.zero(),
   push: () => dial.push(),
   pause: () => time.toggle(),
-  help: () => openDialog(element("help-dialog")),
+  help: () => {
+    lease.update();
+    openDialog(element("help-dialog"));
+  },
 };
 const press = (action) => actions[action]();
 

@@ -19,7 +19,7 @@ from viser import _messages
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from app.http.scene_proxy import BURST, MAX_RATE, ReadBudget
+from app.http.scene_proxy import BURST, COST_OF_CONTROLS, MAX_RATE, ReadBudget
 from app.viewer.transport.client_messages import MAX_BYTES, ClientMessages, ForbiddenMessageError
 
 PROTOCOL: Any = f"viser-v{viser.__version__}"
@@ -298,6 +298,15 @@ def test_a_browser_is_read_at_a_bounded_rate():
         now += budget.take(now)
     assert 10_000 - BURST <= MAX_RATE * (now - 1000.0) <= 10_000
     assert not any(budget.take(now + 10.0) for _ in range(BURST - 1))
+
+
+def test_messages_to_controls_are_read_more_slowly(panel):
+    kinds = {message["type"]: panel.messages().add(msgspec.msgpack.encode(message)) for message in honest(panel)}
+    assert {kind for kind, is_control in kinds.items() if not is_control} == {CAMERA["type"], DRAG["type"]}
+    budget, now = ReadBudget(), 1000.0
+    for _ in range(1000):
+        now += budget.take(now, COST_OF_CONTROLS)
+    assert 1000 / (now - 1000.0) < 1.1 * MAX_RATE / COST_OF_CONTROLS
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import json
 import httpx
 import pytest
 from conftest import PATIENCE, Server, wait_for
+from playwright.sync_api import Browser, expect
 from websockets.sync.client import ClientConnection, connect
 
 from app.live.driver_lease import ABSENCE_TIMEOUT, DriverLease, LeaseHeldError
@@ -97,3 +98,21 @@ def test_others_are_refused_once_and_may_stop_the_robot(server, api):
         wait_for(bob_drives)
         assert api.delete("live/lease?by=bob").json()["holder"] == ""
         assert api.put("live/reference", json={"vx": 0.1}).status_code == 200
+
+
+def test_a_person_drives_alone_and_hands_over_on_the_page(server, api, browser: Browser):
+    page = browser.new_page()
+    page.goto(server.url)
+    with teleop(server, "bob") as bob:
+        wait_for(lambda: len(api.get("live/lease").json()["clients"]) == 2)
+        page.get_by_role("button", name="Help").click()
+        choice = page.get_by_test_id("lease")
+        choice.select_option("this browser alone")
+        wait_for(lambda: api.get("live/lease").json()["holder"] not in ("", "bob"))
+        steer(bob, 0.1)
+        assert "drives alone" in json.loads(bob.recv(timeout=PATIENCE))["error"]
+        choice.select_option("bob")
+        wait_for(lambda: api.get("live/lease").json()["holder"] == "bob")
+        expect(choice).to_be_disabled()
+        api.delete("live/lease?by=bob").raise_for_status()
+    page.close()

@@ -27,8 +27,9 @@ logger = logging.getLogger(__name__)
 
 CLOSE_TIMEOUT = 0.2  # [s] viser's response to a close is waited for; behind poses that nobody takes it never comes
 FORWARD_PERIOD = 1.0 / 30.0  # [s] from one handing on of a browser's messages to the next
-MAX_RATE = 120.0  # messages that are read of one browser a second; a person's camera sends 50
+MAX_RATE = 120.0  # messages that are read of one browser a second; a person's camera sends 50, a slider 20
 BURST = 30  # messages that are read at once
+COST_OF_CONTROLS = 4  # messages that one to a control counts as: it goes to every browser, and calls back
 TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
 
 Client = Annotated[str, Query(max_length=64)]
@@ -101,11 +102,14 @@ async def _relay(browser: WebSocket, upstream: ClientConnection, messages: Clien
         budget = ReadBudget()
         while (message := await browser.receive())["type"] == "websocket.receive":
             try:
-                messages.add(message.get("bytes") or b"")
+                is_control = messages.add(message.get("bytes") or b"")
             except ForbiddenMessageError as error:
                 refusal = str(error)
                 return
-            await asyncio.sleep(budget.take(time.monotonic()))  # meanwhile nothing is read: the sender has to wait
+            cost = COST_OF_CONTROLS if is_control else 1
+            await asyncio.sleep(
+                budget.take(time.monotonic(), cost)
+            )  # meanwhile nothing is read: the sender has to wait
 
     async def forward() -> None:
         while True:
@@ -135,11 +139,12 @@ class ReadBudget:
         """Start with all of the burst."""
         self._due = 0.0
 
-    def take(self, now: float) -> float:
+    def take(self, now: float, cost: int = 1) -> float:
         """Count a message, and return how long to wait before the next is read [s].
 
         Args:
             now: time of any clock that only goes forward [s].
+            cost: messages that it counts as.
         """
-        self._due = max(self._due, now - BURST / MAX_RATE) + 1.0 / MAX_RATE
+        self._due = max(self._due, now - BURST / MAX_RATE) + cost / MAX_RATE
         return max(0.0, self._due - now)

@@ -100,8 +100,11 @@ class ClientMessages:
         self._server, self._draggable, self._is_operator = server, draggable, is_operator
         self._pending: dict[tuple[str, ...], bytes] = {}
 
-    def add(self, data: bytes) -> None:
+    def add(self, data: bytes) -> bool:
         """Check a message; it replaces an earlier one about the same thing that has not been taken yet.
+
+        Returns:
+            Whether it is about a control, and not about camera or drag.
 
         Raises:
             ForbiddenMessageError: if it is not allowed.
@@ -116,6 +119,7 @@ class ClientMessages:
         if self._is_operator or isinstance(message, _Camera):
             self._pending.pop(key, None)  # so that the order is that of the latest ones
             self._pending[key] = _ENCODER.encode(message)
+        return not isinstance(message, _Camera | _Drag)
 
     def take(self) -> list[bytes]:
         """The messages that have come since the last call, ready for viser."""
