@@ -10,11 +10,11 @@ from uuid import uuid4
 
 from app.jobs import JobProcess, Report
 from app.live.session_log import Session
-from app.runs.queue import NICENESS
 from app.runs.run import Run, RunsUnavailableError
 from app.runs.store import RunStore
 from walkcore import Robot
 
+NICENESS = 5  # of 19: a person waits for it, but the live walk goes before
 MAX_SAVES = 4  # sessions that may be under way: each holds some megabytes
 RETRY_AFTER = 10  # [s]
 
