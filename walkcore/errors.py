@@ -43,6 +43,10 @@ class NoSolutionFoundError(WalkError):
     """The walking QP has no solution, not even with its soft margins given up."""
 
 
+class OutOfTimeError(WalkError):
+    """The time that the caller allows for a tick is over; no plan is found in it."""
+
+
 class InverseKinematicsError(WalkError):
     """The body cannot reach the requested CoM and feet."""
 

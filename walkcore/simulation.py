@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from walkcore.command import Command, Push, Reference
-from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError
+from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError, OutOfTimeError
 from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, dcm_offset
 from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
 from walkcore.motion.whole_body import BodyTarget, WholeBody
@@ -27,11 +27,12 @@ from walkcore.mpc.supports import WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import GivenPush, Snapshot
-from walkcore.stages import UNTIMED, Stages
+from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.state import PushUnderWay, SimulationState
 from walkcore.values import Vector, freeze, frozen_copy, rotation
 
 NO_IMPULSE = frozen_copy(np.zeros(2))
+NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
 
 
 class Simulation:
@@ -80,6 +81,7 @@ class Simulation:
         self._pushes: tuple[PushUnderWay, ...] = ()
         self._last_push: GivenPush | None = None
         self._why_fallen = ""
+        self._last_plan: Plan | None = None
         self._offset = NO_OFFSET
         self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
         self._q_before = self._q
@@ -111,7 +113,7 @@ class Simulation:
         self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
-        self._offset = state.com_offset
+        self._offset, self._last_plan = state.com_offset, None
         self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
 
     @property
@@ -119,11 +121,13 @@ class Simulation:
         """Mean yaw of the feet [rad]."""
         return (self._feet[Side.LEFT].yaw + self._feet[Side.RIGHT].yaw) / 2
 
-    def step(self, command: Command | None = None) -> Snapshot:
+    def step(self, command: Command | None = None, time_left: TimeLeft = unlimited) -> Snapshot:
         """Advance by one tick. Never raises for what happens to the robot: that is in `status`.
 
         Args:
             command: holds for this tick; by default the robot stays where it is.
+            time_left: for the decision [s]. Once it is over no other solve begins: the best plan so far counts, or
+                the one of the last tick goes on, which `reason` then says. By default every tick is solved.
 
         Returns:
             The state that the QP saw, after this tick's push, and what it decided.
@@ -133,7 +137,7 @@ class Simulation:
         impulse = self._impulse(command.push)
         if impulse is not NO_IMPULSE:
             self._com = self._com.pushed(impulse / self.robot.mass)
-        plan = self._decide(command.reference)
+        plan = self._last_plan = self._decide(command.reference, time_left)
         gait = self._gait.at(self._tick)
         snapshot = self._snapshot(command.reference, impulse, plan, gait)
         self._stages.lap("snapshot")
@@ -166,7 +170,7 @@ class Simulation:
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
         return NO_IMPULSE if self._why_fallen else total
 
-    def _decide(self, reference: Reference) -> Plan | None:
+    def _decide(self, reference: Reference, time_left: TimeLeft) -> Plan | None:
         """The plan of this tick, or none if the robot has fallen."""
         if self._why_fallen:
             return None
@@ -181,15 +185,21 @@ class Simulation:
                 self._fall_down(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
                 return None
         walks = self.parameters.stepping_in_place or not reference.is_zero
-        return self._first_that_works(self._gait.candidates(self._tick, walks, _first_support(reference)), reference)
+        candidates = self._gait.candidates(self._tick, walks, _first_support(reference))
+        return self._first_that_works(candidates, reference, time_left)
 
-    def _first_that_works(self, candidates: tuple[Gait, ...], reference: Reference) -> Plan | None:
+    def _first_that_works(self, candidates: tuple[Gait, ...], reference: Reference, time_left: TimeLeft) -> Plan | None:
         """Take the first gait whose plan keeps every margin, else the first that does not lead to a fall."""
+        last = self._last_plan
         plans: list[tuple[Gait, Plan]] = []
         reasons: list[str] = []
         for gait in candidates:
             try:
-                plan = self._generator.plan(self._problem(gait, reference))
+                plan = self._generator.plan(self._problem(gait, reference), unlimited if last is None else time_left)
+            except OutOfTimeError:
+                if last is not None and not plans:
+                    return self._generator.continued(last, self._problem(self._gait, reference))
+                break
             except NoSolutionFoundError as failure:
                 reasons.append(str(failure))
                 continue
@@ -254,7 +264,7 @@ class Simulation:
             push=frozen_copy(impulse),
             last_push=self._last_push,
             status=Status.FALLEN if plan is None else plan.status,
-            reason=self._why_fallen,
+            reason=NOT_IN_TIME if plan is not None and plan.is_continued else self._why_fallen,
             plan=plan,
             com_offset=self._offset.position,
             q=self._q,

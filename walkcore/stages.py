@@ -1,5 +1,6 @@
-"""Durations of the stages of a tick, by the caller's clock: the core reads none."""
+"""Durations of the stages of a tick, and the time left for it, by the caller's clock: the core reads none."""
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -53,3 +54,11 @@ class _Untimed:
 
 
 UNTIMED: Stages = _Untimed()
+
+TimeLeft = Callable[[], float]
+"""Time that is left for the decision of a tick [s]."""
+
+
+def unlimited() -> float:
+    """The time left where none is limited, as in every scripted walk: what is decided then depends on no clock."""
+    return math.inf

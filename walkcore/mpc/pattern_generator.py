@@ -19,7 +19,7 @@ from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
-from walkcore.stages import UNTIMED, Stages
+from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.values import Matrix, Vector, freeze
 
 CAPTURE_TOLERANCE = 1e-6  # [m]
@@ -57,33 +57,64 @@ class PatternGenerator:
         intervals[0] = ticks_to_sample * p.control_period
         return preview_matrices(intervals, self.pendulum)
 
-    def plan(self, problem: WalkingProblem) -> Plan:
+    def plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan:
         """The plan from a CoM state, be it a model's or a measured one.
+
+        Args:
+            problem: of this tick.
+            time_left: for the decision [s].
 
         Raises:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
+            OutOfTimeError: if the time is over before a plan is found.
         """
         walking = self._build(problem)
         try:
-            solution = self._solver.solve(walking.qp, self._stages)
+            solution = self._solver.solve(walking.qp, self._stages, time_left)
         except NoSolutionFoundError:
-            return self._plan_relaxed(walking, problem)
-        plan = self._read(walking, problem, solution.u, solution.multipliers, Status.SOLVED)
+            return self._plan_relaxed(walking, problem, time_left)
+        decision = walking.preview.layout.split(solution.u)
+        plan = self._read(walking, problem, decision, solution.multipliers, Status.SOLVED)
         if self._are_footholds_free and not _is_viable(plan, walking.supports, problem.horizon.stances):
-            return self._plan_relaxed(walking, problem)
+            return self._plan_relaxed(walking, problem, time_left)
         self._stages.lap("check")
         return plan
 
-    def _plan_relaxed(self, walking: WalkingQP, problem: WalkingProblem) -> Plan:
+    def continued(self, last: Plan, problem: WalkingProblem) -> Plan:
+        """The plan of the tick before, from the CoM state of this one: its jerks and footholds, nothing is solved.
+
+        Args:
+            last: plan of the tick before, for the same gait.
+            problem: of this tick.
+        """
+        walking = self._build(problem)
+        N, supports = walking.preview.lipm.nb_samples, walking.supports
+        is_at_sample = problem.horizon.ticks_to_sample == self._parameters.timing.ticks_per_sample
+        jerks = np.zeros((N, 2))
+        ahead = last.jerks[int(is_at_sample) :][:N]
+        jerks[: len(ahead)] = ahead
+        footholds = last.footholds
+        if footholds and footholds[0].side is problem.support.side:  # it has landed since
+            footholds = footholds[1:]
+        positions = self._geometry.planned_footholds(problem, supports)
+        for k, foothold in enumerate(footholds[: len(positions)]):
+            positions[k] = foothold.position
+        nothing_active = np.zeros(len(walking.point_of_row))
+        plan = self._read(walking, problem, (jerks, positions), nothing_active, Status.RELAXED)
+        return replace(plan, is_capturable=last.is_capturable, is_continued=True)
+
+    def _plan_relaxed(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan:
         """The plan of the relaxed QP.
 
         Raises:
             NoSolutionFoundError: if that is not feasible either.
+            OutOfTimeError: if the time is over.
         """
         relaxed = relaxed_qp(walking, self._parameters.cop_margin)
-        solution = self._relaxed_solver.solve(relaxed.qp, self._stages)
+        solution = self._relaxed_solver.solve(relaxed.qp, self._stages, time_left)
         multipliers = relaxed.row_multipliers(solution.multipliers)[: len(walking.point_of_row)]
-        plan = self._read(walking, problem, solution.u, multipliers, Status.RELAXED)
+        decision = walking.preview.layout.split(solution.u)
+        plan = self._read(walking, problem, decision, multipliers, Status.RELAXED)
         excess = walking.supports.terminal_set.excess(plan.dcm[-1] - _centre(plan, problem.horizon.stances.last))
         self._stages.lap("check")
         return replace(plan, is_capturable=excess < CAPTURE_TOLERANCE)
@@ -110,11 +141,16 @@ class PatternGenerator:
         return walking_qp(phase, supports, self._geometry.reach(horizon.time_to_touchdown), inputs)
 
     def _read(
-        self, walking: WalkingQP, problem: WalkingProblem, u: Vector, multipliers: Vector, status: Status
+        self,
+        walking: WalkingQP,
+        problem: WalkingProblem,
+        decision: tuple[Matrix, Matrix],
+        multipliers: Vector,
+        status: Status,
     ) -> Plan:
-        """The plan that a decision stands for; whether it is capturable is not known yet."""
+        """The plan that jerks and footholds stand for; whether it is capturable is not known yet."""
         supports, layout, stances = walking.supports, walking.preview.layout, problem.horizon.stances
-        jerks, positions = layout.split(u)
+        jerks, positions = decision
         if not layout.are_footholds_free:
             positions = walking.inputs[PLANNED : PLANNED + layout.nb_footholds]
         if supports.stopping_offset is not None:

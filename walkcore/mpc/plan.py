@@ -70,6 +70,8 @@ class Plan:
     status: Status
     is_capturable: bool
     """Whether further steps can catch the robot where the plan ends."""
+    is_continued: bool = False
+    """Whether it is the plan of the tick before, which goes on because there was no time for a new one."""
 
     @property
     def predecessors(self) -> tuple[Footstep, ...]:

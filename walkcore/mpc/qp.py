@@ -11,6 +11,8 @@ PIQP, an interior-point method, is the default: it takes the same time for every
 walk or of a push, and solves the relaxed QP, whose cost has flat directions. DAQP, an active-set
 method, is exact and takes less than half as long on the walking QP, for whom many walks matter
 more than a steady tick; where it finds no solution, PIQP has the last word.
+
+Every solve is bounded by iterations, whose number decides the same on every machine. A live walk limits the time too.
 """
 
 import math
@@ -23,13 +25,14 @@ import daqp
 import numpy as np
 import piqp
 
-from walkcore.errors import NoSolutionFoundError
-from walkcore.stages import UNTIMED, Stages
+from walkcore.errors import NoSolutionFoundError, OutOfTimeError
+from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.values import Matrix, Vector
 
 TOLERANCE = 1e-9  # of the residuals of the scaled problem, absolute and relative
 GAP_TOLERANCE = 1e-11  # of the duality gap: what moves the footholds last
-MAX_ITERATIONS = 100
+MAX_ITERATIONS = 100  # of PIQP; a QP of a walk takes 10 to 40
+MAX_ACTIVE_SET_ITERATIONS = 500  # of DAQP; a QP of a walk takes 30 to 300, one with flat directions runs to any limit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,15 +69,17 @@ class Solution:
 class Solver(Protocol):
     """A solver with its workspace, for one QP after the other."""
 
-    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+    def solve(self, problem: QP, stages: Stages = UNTIMED, time_left: TimeLeft = unlimited) -> Solution:
         """The minimiser of a QP, which depends on that QP alone.
 
         Args:
             problem: of any size.
             stages: gets a lap when all is ready for the solver ("assemble") and when the solver is done ("solve").
+            time_left: for the solve; PIQP, whose iterations are few, only starts within it.
 
         Raises:
             NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
+            OutOfTimeError: if the time is over.
         """
         ...
 
@@ -91,10 +96,11 @@ class InteriorPointSolver:
         settings.max_iter = MAX_ITERATIONS
         settings.preconditioner_iter = 0  # the units are ours; PIQP's scaling makes the footholds 1 cm worse
 
-    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+    def solve(self, problem: QP, stages: Stages = UNTIMED, time_left: TimeLeft = unlimited) -> Solution:
         """See `Solver`."""
         if not len(problem.lower):
             return _without_bounds(problem, stages)
+        _check_time(problem, time_left())
         solver, P, G = self._solver, np.asfortranarray(problem.P), np.asfortranarray(problem.G)
         stages.lap("assemble")
         solver.setup(P=P, c=problem.q, G=G, h_l=problem.lower, h_u=problem.upper)
@@ -114,16 +120,22 @@ class ActiveSetSolver:
         self._fallback = InteriorPointSolver()
         self._solve = cast(Callable[..., Any], daqp.solve)  # pyright: ignore[reportUnknownMemberType] (has no types)
 
-    def solve(self, problem: QP, stages: Stages = UNTIMED) -> Solution:
+    def solve(self, problem: QP, stages: Stages = UNTIMED, time_left: TimeLeft = unlimited) -> Solution:
         """See `Solver`."""
         if not len(problem.lower):
             return _without_bounds(problem, stages)
         P, G = np.ascontiguousarray(problem.P), np.ascontiguousarray(problem.G)
         stages.lap("assemble")
-        u, _, status, information = self._solve(P, problem.q, G, problem.upper, problem.lower, primal_tol=TOLERANCE)
+        limit = _check_time(problem, time_left())
+        u, _, status, information = self._solve(
+            *(P, problem.q, G, problem.upper, problem.lower),
+            primal_tol=TOLERANCE,
+            iter_limit=MAX_ACTIVE_SET_ITERATIONS,
+            time_limit=limit if math.isfinite(limit) else 0.0,  # for DAQP, 0 is no limit
+        )
         stages.lap("solve")
         if status != 1:  # no solution, or flat directions in which it got lost
-            return self._fallback.solve(problem, stages)
+            return self._fallback.solve(problem, stages, time_left)
         return _finite(Solution(np.asarray(u), np.asarray(information["lam"])), problem)
 
 
@@ -146,6 +158,13 @@ def _without_bounds(problem: QP, stages: Stages) -> Solution:
     u = np.asarray(np.linalg.solve(problem.P, -problem.q), dtype=np.float64)
     stages.lap("solve")
     return _finite(Solution(u, np.zeros(0)), problem)
+
+
+def _check_time(problem: QP, time_left: float) -> float:
+    """The time left [s], if there is any."""
+    if time_left <= 0.0:
+        raise OutOfTimeError(f"no time is left for {problem.summary}")
+    return time_left
 
 
 def _finite(solution: Solution, problem: QP) -> Solution:

@@ -1,0 +1,89 @@
+"""Limits of iterations and of time: every tick ends, and one that is not solved in time goes on with the last plan."""
+
+import daqp
+import numpy as np
+import pytest
+
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.errors import InvalidValueError, OutOfTimeError
+from walkcore.mpc.plan import Status
+from walkcore.mpc.qp import MAX_ACTIVE_SET_ITERATIONS, SOLVERS
+from walkcore.simulation import NOT_IN_TIME
+from walkcore.stages import unlimited
+
+HRP2 = load_robot("hrp2")
+WALK = Command(Reference(vx=0.2, yaw_rate=0.1))
+
+
+def no_time() -> float:
+    return 0.0
+
+
+@pytest.mark.parametrize("scheme", ["adapted_steps", "mean_velocity"])
+def test_the_active_set_method_ends_after_its_iterations(monkeypatch, scheme):
+    iterations, solve = [], daqp.solve
+
+    def counted(*matrices, **settings):
+        solution = solve(*matrices, **settings)
+        iterations.append(solution[3]["iterations"])
+        return solution
+
+    monkeypatch.setattr(daqp, "solve", counted)
+    simulation = Simulation(HRP2, Parameters(solver="daqp", scheme=scheme, horizon_samples=35, alpha=0.0))
+    snapshots = [simulation.step(WALK) for _ in range(3)]
+    assert 0 < max(iterations) <= MAX_ACTIVE_SET_ITERATIONS + 50  # it looks at the limit between its outer iterations
+    assert all(snapshot.status is not Status.FALLEN for snapshot in snapshots)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_solver_does_not_begin_without_time(solver):
+    problem = Simulation(HRP2).qp(Reference())
+    with pytest.raises(OutOfTimeError):
+        SOLVERS[solver]().solve(problem, time_left=no_time)
+
+
+@pytest.mark.parametrize("scheme", ["full", "mean_velocity", "adapted_steps", "fixed_steps"])
+def test_a_tick_without_time_goes_on_with_the_last_plan_and_says_so(scheme):
+    parameters = Parameters(scheme=scheme, horizon_samples=32, control_period=0.02)
+    simulation = Simulation(HRP2, parameters)
+    before = simulation.step(WALK)
+    for tick in range(1, 180):
+        in_time = tick % 3 == 0
+        snapshot = simulation.step(WALK if tick < 120 else Command(), unlimited if in_time else no_time)
+        assert snapshot.plan is not None and np.isfinite(snapshot.plan.com).all()
+        if not in_time:
+            assert (snapshot.status, snapshot.reason) == (Status.RELAXED, NOT_IN_TIME)
+            is_at_sample = tick % parameters.timing.ticks_per_sample == 0
+            assert snapshot.jerk.tolist() == before.plan.jerks[int(is_at_sample)].tolist()
+        before = snapshot
+    assert simulation.step().status is Status.SOLVED
+
+
+def test_the_first_tick_is_solved_however_long_that_takes():
+    assert Simulation(HRP2).step(WALK, no_time).status is Status.SOLVED
+
+
+def test_a_horizon_that_grows_or_shrinks_between_plan_and_tick_is_no_fault():
+    simulation = Simulation(HRP2, Parameters(horizon_samples=16))
+    for tick in range(200):
+        if tick % 50 == 49:
+            simulation.change(
+                simulation.parameters.changed({"horizon_samples": 40 - simulation.parameters.horizon_samples})
+            )
+        snapshot = simulation.step(WALK, no_time if tick % 50 == 49 else lambda: 1.0)
+        assert snapshot.status is not Status.FALLEN
+
+
+def test_a_push_during_a_tick_without_time_is_answered_by_the_next_one():
+    simulation = Simulation(HRP2)
+    for _ in range(300):
+        simulation.step(WALK)
+    assert simulation.step(Command(WALK.reference, Push([0.0, 6.0])), no_time).reason == NOT_IN_TIME
+    assert all(simulation.step(WALK).status is not Status.FALLEN for _ in range(250))
+
+
+@pytest.mark.parametrize("value", [[], {}, [[]], None, 1, True])
+def test_a_solver_of_any_type_is_refused(value):
+    with pytest.raises(InvalidValueError) as refused:
+        Parameters().changed({"solver": value})
+    assert refused.value.field == "solver"
