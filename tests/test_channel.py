@@ -5,6 +5,7 @@ import random
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,22 @@ from app.live.channel import LatestValue
 latest = LatestValue(memoryview(mmap.mmap(int(sys.argv[1]), LatestValue.size(4096))), 4096)
 for i in range(1, 60_000):
     latest.write(bytes([i % 251]) * (1 + i % 4096))
+"""
+
+# Writes small values to one place as fast as it can, and reads another; both hold their own count.
+PARTNER = """
+import mmap, sys
+from app.live.channel import LatestValue
+descriptor, nb = map(int, sys.argv[1:])
+size = LatestValue.size(4096)
+memory = memoryview(mmap.mmap(descriptor, 2 * size))
+written, read = LatestValue(memory, 4096), LatestValue(memory[size:], 4096)
+last = 0
+for i in range(1, nb + 1):
+    written.write(b"%d" % i)
+    message = read.read()
+    assert message.count >= last and (not message.count or message.data == b"%d" % message.count), (last, message)
+    last = message.count
 """
 
 
@@ -77,3 +94,45 @@ def test_a_reader_sees_whole_values_only_and_never_an_older_one_again(tmp_path):
                 last = message.count
             time.sleep(random.uniform(0.0, 1e-5))
         assert writer.returncode == 0 and latest.read().count == 59_999
+
+
+def hammer(path: Path, nb_values: int) -> int:
+    """Write and read in two processes at once, in both directions; the number of reads that were checked here."""
+    size = LatestValue.size(CAPACITY)
+    path.write_bytes(bytes(2 * size))
+    with path.open("r+b") as file:
+        memory = memoryview(mmap.mmap(file.fileno(), 2 * size))
+        read, written = LatestValue(memory, CAPACITY), LatestValue(memory[size:], CAPACITY)
+        arguments = [sys.executable, "-c", PARTNER, str(file.fileno()), str(nb_values)]
+        partner = subprocess.Popen(arguments, pass_fds=(file.fileno(),), stderr=subprocess.PIPE, text=True)
+        last = nb_reads = 0
+        while nb_reads % 10_000 or partner.poll() is None:
+            written.write(b"%d" % (nb_reads + 1))
+            for _ in range(8):  # more reads than writes, so that they meet a write at each of its moments
+                message, count = read.read(), read.count
+                assert last <= message.count <= count
+                assert not message.count or message.data == b"%d" % message.count
+                last = message.count
+            nb_reads += 1
+        assert partner.wait() == 0, partner.communicate()[1]
+        assert read.read().count == nb_values
+        return 8 * nb_reads
+
+
+def test_two_processes_that_write_and_read_at_full_rate_see_whole_values_in_order(tmp_path):
+    assert hammer(tmp_path / "memory", 100_000) > 100_000
+
+
+@pytest.mark.exhaustive
+def test_two_processes_that_write_and_read_for_long_see_whole_values_in_order(tmp_path):
+    assert hammer(tmp_path / "memory", 5_000_000) > 10_000_000
+
+
+def test_a_reader_that_is_overtaken_for_ever_keeps_the_value_that_it_had(latest, memory, monkeypatch):
+    latest.write(b"one")
+    assert latest.read().data == b"one"
+    latest.write(b"two")
+    memory[memory.find(b"two")] = ord("x")
+    monkeypatch.setattr("app.live.channel.time.sleep", lambda _: None)
+    message = latest.read()
+    assert (message.count, message.data) == (1, b"one")

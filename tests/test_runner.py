@@ -1,6 +1,7 @@
 """The control process, as the server sees it."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import psutil
 import pytest
 from conftest import PATIENCE, wait_for
 
+from app.live.control import Control
+from app.live.messages import has_sent
 from app.live.runner import NoResponseError, NotPausedError, Runner
 from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
@@ -118,8 +121,6 @@ def test_a_refusal_comes_back_as_it_was_raised(runner):
     "error", [InvalidValueError("a.b", 3, "must be less"), UnknownNameError("robot", "asimo", ["b", "a"])]
 )
 def test_errors_of_the_core_cross_processes(error):
-    import pickle
-
     copy = pickle.loads(pickle.dumps(error))
     assert str(copy) == str(error) and vars(copy) == vars(error)
 
@@ -160,22 +161,91 @@ def mortal() -> Iterator[Runner]:
     runner.stop()
 
 
-def test_death_of_the_control_process_is_reported_and_a_reset_starts_another(mortal):
+def test_a_killed_control_process_is_reported_refuses_and_starts_again_where_it_was(mortal):
     mortal.change({"cop_margin": 0.02}).result(PATIENCE)
-    tick = mortal.latest.snapshot.tick
-    os.kill(mortal.process_id, signal.SIGKILL)
-    wait_for(lambda: mortal.latest.fault != "")
-    state = mortal.latest
-    assert "SIGKILL" in state.fault and not state.running and state.snapshot.tick >= tick
+    mortal.drive(Reference(vx=0.1), "rest")
+    mortal.set_speed(2.0).result(PATIENCE)
+    wait_for(lambda: mortal.latest.snapshot.com.position[0] > 0.1)
+    killed = mortal.process_id
+    os.kill(killed, signal.SIGKILL)
+    wait_for(lambda: mortal.trouble != "")
+    wait_for(lambda: "SIGKILL" in mortal.latest.fault)
+    before = mortal.latest
+    assert not before.running
     with pytest.raises(NoResponseError):
         mortal.pause().result(PATIENCE)
-    mortal.drive(Reference(vx=0.1), "rest")
-    again = mortal.reset()
-    assert mortal.latest.fault != ""
-    state = again.result(PATIENCE)
-    assert (state.snapshot.tick, state.fault, state.running, state.driver) == (0, "", True, "none")
-    wait_for(lambda: mortal.latest.snapshot.tick > 5)
+    with pytest.raises(NoResponseError):
+        mortal.push(Push([0.0, 1.0]))
+    with pytest.raises(NoResponseError):
+        mortal.drive(Reference(vx=0.1), "rest")
+    wait_for(lambda: mortal.trouble == "")
+    state = mortal.latest
+    assert mortal.process_id != killed and state.fault == "" and state.running and state.speed == 2.0
+    assert before.snapshot.tick <= state.snapshot.tick
+    assert abs(state.snapshot.com.position[0] - before.snapshot.com.position[0]) < 0.5
+    wait_for(lambda: mortal.latest.snapshot.tick > state.snapshot.tick + 5)
+    assert mortal.latest.driver == "rest" and mortal.latest.snapshot.reference.vx == 0.1
     assert mortal.parameters.cop_margin == 0.02
+    assert mortal.change({"beta": 2.0}).result(PATIENCE).cop_margin == 0.02
+
+
+def test_a_paused_robot_is_paused_at_the_same_tick_after_its_process_was_killed(mortal):
+    tick = mortal.pause().result(PATIENCE).snapshot.tick
+    os.kill(mortal.process_id, signal.SIGKILL)
+    wait_for(lambda: mortal.trouble != "")
+    wait_for(lambda: mortal.trouble == "")
+    assert (mortal.latest.snapshot.tick, mortal.latest.running) == (tick, False)
+    assert mortal.step(1).result(PATIENCE).snapshot.tick == tick + 1
+
+
+def test_a_control_process_that_is_killed_again_and_again_comes_back_at_rest(mortal):
+    wait_for(lambda: mortal.latest.snapshot.tick > 50)
+    for _ in range(2):
+        os.kill(mortal.process_id, signal.SIGKILL)
+        wait_for(lambda: mortal.trouble != "")
+        wait_for(lambda: mortal.trouble == "")
+    assert mortal.latest.snapshot.phase == 0
+    mortal.pause().result(PATIENCE)
+
+
+def test_requests_to_a_control_process_that_was_stopped_end_and_another_takes_over(mortal):
+    stopped = mortal.process_id
+    tick = mortal.latest.snapshot.tick
+    os.kill(stopped, signal.SIGSTOP)
+    requests = [mortal.pause(), mortal.change({"beta": 2.0}), mortal.save()]
+    for request in requests:
+        with pytest.raises(NoResponseError):
+            request.result(PATIENCE)
+    wait_for(lambda: mortal.trouble == "" and mortal.process_id != stopped)
+    assert not psutil.pid_exists(stopped)
+    assert mortal.latest.snapshot.tick >= tick
+    mortal.resume().result(PATIENCE)
+
+
+def test_no_message_ends_the_process_or_a_thread_or_the_walk(mortal):
+    link = mortal._supervisor.link
+    process, tick = mortal.process_id, mortal.latest.snapshot.tick
+    for garbage in (b"x", b"\x80", pickle.dumps(None), pickle.dumps((1, 2)), b"y" * 100_000):
+        assert has_sent(link._socket, garbage)
+    link._deliver(10**9, "nobody's")
+    with pytest.raises(NoResponseError):
+        link.request(Control.change, {"a": "x" * 200_000}).result(PATIENCE)
+    for arguments in (({"a": "x" * 100_000},), (), ([],), (1, 2, 3)):
+        with pytest.raises((NoResponseError, WalkError)):
+            link.request(Control.change, *arguments).result(PATIENCE)
+    assert mortal.pause().result(PATIENCE).fault == ""
+    mortal.resume().result(PATIENCE)
+    wait_for(lambda: mortal.latest.snapshot.tick > tick + 5)
+    assert mortal.process_id == process
+
+
+def test_requests_beyond_their_number_are_refused_and_the_others_are_done(mortal):
+    os.kill(mortal.process_id, signal.SIGSTOP)
+    requests = [mortal.pause() for _ in range(500)]
+    os.kill(mortal.process_id, signal.SIGCONT)
+    errors = [request.exception(PATIENCE) for request in requests]
+    assert errors[0] is None and "busy" in str(errors[-1])
+    assert mortal.pause().result(PATIENCE).running is False
 
 
 def test_a_control_process_that_hangs_is_reported(mortal):

@@ -1,7 +1,10 @@
 """Memory that the server and its control process share: for each direction the latest value, and nothing older.
 
-Nobody waits: a value goes to the oldest of a few buffers, then the count in front of them moves on. A reader that
-was overtaken finds a checksum that does not fit, and reads again.
+Nobody waits: a value goes to the oldest
+of a few buffers, then the count in front of them moves on. Each buffer is a sequence lock: its number is cleared before
+the value changes and set after it, and a reader that finds another number than the count, or a checksum that does not
+fit, was overtaken and reads again. Count and numbers are single words of the machine, which are written and read
+whole: `struct.pack_into` would write them byte by byte, over zeros.
 """
 
 import mmap
@@ -11,23 +14,13 @@ import tempfile
 import time
 import zlib
 from dataclasses import dataclass
-from typing import Any
 
 STATE_CAPACITY, INPUT_CAPACITY = 256 * 1024, 1024  # bytes
-MAX_MESSAGE = 160 * 1024  # bytes of a request, of a response or of a chunk of one, which go through a socket
-COUNT = struct.Struct("<Q")
-HEADER = struct.Struct("<QdII")  # count, time, length, checksum
+WORD = 8  # bytes
+HEADER = struct.Struct("<QdQ")  # count, time, length: what the checksum covers beside the value
 NB_BUFFERS = 4
+MAX_READS = 100  # of a reader that is overtaken each time, which then keeps the value that it had
 RETRY_PERIOD = 1e-4  # [s] until a reader that was overtaken reads again
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Chunk:
-    """One element of a response that is sent element by element and received as a list, so that none delays a tick."""
-
-    value: Any = None
-    is_last: bool = False
-    """Whether the response is complete; the last chunk carries no value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,22 +39,24 @@ class LatestValue:
 
     @staticmethod
     def size(capacity: int) -> int:
-        """Bytes of memory that values of up to `capacity` bytes need."""
-        return COUNT.size + NB_BUFFERS * (HEADER.size + capacity)
+        """Bytes of memory that values of up to `capacity` bytes need, a multiple of a word."""
+        return WORD + NB_BUFFERS * _buffer_size(capacity)
 
     def __init__(self, memory: memoryview, capacity: int) -> None:
         """Use the beginning of a memory.
 
         Args:
-            memory: zeros before the first value is written.
+            memory: zeros before the first value is written; it begins at a multiple of a word.
             capacity: bytes of the longest value.
         """
-        self._memory, self._capacity = memory, capacity
+        self._memory, self._capacity = memory[: self.size(capacity)], capacity
+        self._words = self._memory.cast("Q")
+        self._read = Message(0, 0.0, b"")
 
     @property
     def count(self) -> int:
         """Number of values written so far."""
-        return COUNT.unpack_from(self._memory)[0]
+        return self._words[0]
 
     def write(self, data: bytes) -> None:
         """Replace the value.
@@ -73,23 +68,46 @@ class LatestValue:
             raise ValueError(f"{len(data)} bytes where {self._capacity} fit")
         count = self.count + 1
         start = self._buffer(count)
-        HEADER.pack_into(self._memory, start, count, time.perf_counter(), len(data), zlib.crc32(data))
-        self._memory[start + HEADER.size : start + HEADER.size + len(data)] = data
-        COUNT.pack_into(self._memory, 0, count)
+        header = HEADER.pack(count, time.perf_counter(), len(data))
+        body = start + 2 * WORD
+        self._words[start // WORD] = 0
+        self._memory[body : body + HEADER.size] = header
+        self._memory[body + HEADER.size : body + HEADER.size + len(data)] = data
+        self._words[start // WORD + 1] = zlib.crc32(data, zlib.crc32(header))
+        self._words[start // WORD] = count
+        self._words[0] = count
 
     def read(self) -> Message:
-        """The latest value."""
-        while (count := self.count) > 0:
-            start = self._buffer(count)
-            found, written_at, length, checksum = HEADER.unpack_from(self._memory, start)
-            data = bytes(self._memory[start + HEADER.size : start + HEADER.size + min(length, self._capacity)])
-            if found == count and zlib.crc32(data) == checksum:
-                return Message(count, written_at, data)
+        """The latest value, never an older one than at the last reading."""
+        for _ in range(MAX_READS):
+            count, last = self.count, self._read
+            if count <= last.count:  # nothing new; less is what another thread has already read
+                return last
+            if (message := self._copy(count)) is not None:
+                self._read = message
+                return message
             time.sleep(RETRY_PERIOD)
-        return Message(0, 0.0, b"")
+        return self._read
+
+    def _copy(self, count: int) -> Message | None:
+        """The value of that number; None if it was overwritten before or while it was copied."""
+        start = self._buffer(count)
+        body = start + 2 * WORD
+        if self._words[start // WORD] != count:
+            return None
+        header, checksum = bytes(self._memory[body : body + HEADER.size]), self._words[start // WORD + 1]
+        found, written_at, length = HEADER.unpack(header)
+        data = bytes(self._memory[body + HEADER.size : body + HEADER.size + min(length, self._capacity)])
+        is_whole = self._words[start // WORD] == count == found and zlib.crc32(data, zlib.crc32(header)) == checksum
+        return Message(count, written_at, data) if is_whole else None
 
     def _buffer(self, count: int) -> int:
-        return COUNT.size + count % NB_BUFFERS * (HEADER.size + self._capacity)
+        return WORD + count % NB_BUFFERS * _buffer_size(self._capacity)
+
+
+def _buffer_size(capacity: int) -> int:
+    """Bytes of a buffer: its number, its checksum, the header, and the value, to whole words."""
+    return 2 * WORD + HEADER.size + -(-capacity // WORD) * WORD
 
 
 class ControlMemory:

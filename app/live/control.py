@@ -14,14 +14,17 @@ from typing import Any
 import numpy as np
 
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
+from app.live.messages import reason
 from app.live.session_log import SessionLog
 from app.live.tick_scheduler import TickScheduler
 from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.mpc.plan import Status
-from walkcore.stages import Stopwatch
+from walkcore.stages import Stopwatch, TimeLeft, unlimited
 
 logger = logging.getLogger(__name__)
+
+MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 
 class NotPausedError(Exception):
@@ -44,14 +47,17 @@ class Control:
         parameters: Parameters,
         publish: Callable[[LiveState], None],
         clock: Callable[[], float] = time.perf_counter,
+        resumed: LiveState | None = None,
     ) -> None:
-        """Put the robot at rest and take the first tick, so that there is a state to show.
+        """Put the robot at rest and take the first tick, so that there is a state to show; or go on with a walk.
 
         Args:
             robot: to walk.
             parameters: to begin with.
             publish: called with the state after each tick, and after each request that changes it.
             clock: reads the time on the wall [s].
+            resumed: latest state of the walk to go on with, with these parameters; the robot stands at rest instead
+                where it cannot.
 
         Raises:
             WalkError: if the robot cannot stand with these parameters.
@@ -67,11 +73,37 @@ class Control:
         self._random_pusher: RandomPusher | None = None
         self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._log = SessionLog(self._simulation)
+        self.latest = self._first_state() if resumed is None else self._resumed_state(resumed)
+        publish(self.latest)
+
+    def _first_state(self) -> LiveState:
         self._log.begin()
         first = self._simulation.step()
         self._log.end(Command(), first)
-        self.latest = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
-        publish(self.latest)
+        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
+        return replace(state, next_state=self._simulation.state)
+
+    def _resumed_state(self, resumed: LiveState) -> LiveState:
+        if resumed.random_pushes is not None:
+            self._random_pusher = RandomPusher(resumed.random_pushes, self.parameters.control_period)
+        self._scheduler.set_speed(resumed.speed)
+        try:
+            assert resumed.next_state is not None
+            self._simulation.restore(resumed.next_state)
+            self._simulation.preview(Command())  # finds out whether there is a next tick
+        except Exception as error:
+            logger.warning("the walk cannot go on; the robot stands at rest", exc_info=error)
+            self._simulation.reset()
+            return replace(
+                self._first_state(),
+                running=resumed.running,
+                speed=resumed.speed,
+                random_pushes=resumed.random_pushes,
+            )
+        self._scheduler.real_t = resumed.real_t
+        return replace(
+            resumed, timing=self._scheduler.timing, driver=NO_REFERENCE.driver, driver_client=NO_REFERENCE.client
+        )
 
     @property
     def time_left(self) -> float:
@@ -81,8 +113,9 @@ class Control:
     def tick(self) -> None:
         """Take the tick that is due; an unexpected error pauses the robot."""
         self._scheduler.start_tick()
+        end = self._clock() + MAX_TICK_TIME
         try:
-            self._take_tick()
+            self._take_tick(lambda: end - self._clock())
         except Exception as error:
             self.fail(error)
 
@@ -189,15 +222,15 @@ class Control:
     def fail(self, error: Exception) -> LiveState:
         """Pause because of an unexpected error, and show it."""
         logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
-        return self._show(running=False, fault=f"{type(error).__name__}: {error}")
+        return self._show(running=False, fault=reason(error))
 
-    def _take_tick(self) -> None:
+    def _take_tick(self, time_left: TimeLeft = unlimited) -> None:
         started = self._clock()
         if started > self._commanded_at + self._command.expires_after:
             self._command = NO_REFERENCE
         command = Command(self._command.reference, self._next_push())
         self._log.begin()
-        snapshot = self._simulation.step(command)
+        snapshot = self._simulation.step(command, time_left)
         self._scheduler.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
         self._recovery.update(balance_state(snapshot, self._robot.mass))
@@ -209,6 +242,7 @@ class Control:
             driver_client=self._command.client,
             real_t=self._scheduler.real_t,
             last_push=self._recovery.last,
+            next_state=self._simulation.state,
         )
 
     def _next_push(self) -> Push | None:

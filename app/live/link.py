@@ -1,5 +1,6 @@
 """The server's end of one control process: starts it, sends requests, receives responses, and notices when it dies."""
 
+import logging
 import os
 import pickle
 import signal
@@ -15,24 +16,40 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from app.live.channel import MAX_MESSAGE, Chunk, ControlMemory, create_file
+from app.live.channel import ControlMemory, create_file
 from app.live.live_state import LiveState, ReferenceCommand
+from app.live.messages import (
+    MAX_MESSAGE,
+    MessageTooLongError,
+    NoResponseError,
+    Request,
+    ResponseParts,
+    has_sent,
+    packed,
+)
 from app.settings import process_environment
 from walkcore import Parameters, Push, Robot
 
+logger = logging.getLogger(__name__)
+
 WATCHDOG_TIMEOUT = 2.0  # [s] without a new state, after which something is wrong with the process
+START_TIMEOUT = 60.0  # [s] for the process to put the robot at rest, on a machine however busy
 EXIT_TIMEOUT = 2.0  # [s] for the process to end by itself
-
-
-class NoResponseError(Exception):
-    """The control process is gone, or has no time for more requests."""
+EXPIRY = 5.0  # [s] after which a request that has not been begun is dropped
+MAX_REQUESTS = 64  # under way at once
 
 
 class ControlLink:
     """One control process. All methods may be called from any thread."""
 
-    def __init__(self, robot: Robot, parameters: Parameters) -> None:
-        """Start the process, and do not wait for it."""
+    def __init__(self, robot: Robot, parameters: Parameters, resumed: LiveState | None = None) -> None:
+        """Start the process, and do not wait for it.
+
+        Args:
+            robot: to walk.
+            parameters: to begin with.
+            resumed: latest state of a walk to go on with; by default the robot begins at rest.
+        """
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         file = create_file()
         self._memory = ControlMemory(file)
@@ -46,17 +63,18 @@ class ControlLink:
         )
         theirs.close()
         os.close(file)
+        self._started_at = time.perf_counter()
         self._lock = threading.Lock()
         self._numbers = count(1)
         self.created: Future[LiveState] = Future()
         """The first state of the robot; fails with a `WalkError` if it cannot stand."""
         self._waiting: dict[int, tuple[Future[Any], Callable[[Any], Any]]] = {0: (self.created, _unchanged)}
-        self._chunks: dict[int, list[Any]] = {}
-        """Values received so far of responses that come in chunks, by the numbers of their requests."""
         self._seen: tuple[int, float, LiveState] | None = None
         self.end = ""
         """Why the process is gone; empty while it lives."""
-        self._send((robot, parameters))
+        self.ended = threading.Event()
+        """Set once the process is gone."""
+        has_sent(self._socket, packed((robot, parameters, resumed)))
         self._receiver = threading.Thread(target=self._receive, name="control responses", daemon=True)
         self._receiver.start()
 
@@ -66,21 +84,35 @@ class ControlLink:
         return self._process.pid
 
     @property
-    def latest(self) -> LiveState:
-        """The state after the latest tick, or after the last one there was; the same object until it changes."""
-        self.created.result()
-        memory = self._memory.state
-        seen = self._seen
-        if seen is None or seen[0] != memory.count:
-            message = memory.read()
-            seen = self._seen = (message.count, message.written_at, pickle.loads(message.data))
-        _, written_at, state = seen
+    def silence(self) -> float:
+        """Time since the process was last heard of [s], its start included."""
+        return time.perf_counter() - (self._memory.state.read().written_at or self._started_at)
+
+    @property
+    def trouble(self) -> str:
+        """Why there is no response to be expected from the process; empty where there is."""
         if self.end:
-            return replace(state, running=False, fault=self.end)
-        age = time.perf_counter() - written_at
-        if age > WATCHDOG_TIMEOUT:
-            return replace(state, fault=f"the control process has been silent for {age:.0f} s")
-        return state
+            return self.end
+        if self.created.done() and self.silence > WATCHDOG_TIMEOUT:
+            return f"the control process has been silent for {self.silence:.0f} s"
+        return ""
+
+    @property
+    def last_state(self) -> LiveState:
+        """The state after the latest tick that was heard of; the same object until it changes."""
+        self.created.result()
+        message, seen = self._memory.state.read(), self._seen
+        if not message.count:
+            return self.created.result()
+        if seen is None or seen[0] != message.count:
+            seen = self._seen = (message.count, message.written_at, pickle.loads(message.data))
+        return seen[2]
+
+    @property
+    def latest(self) -> LiveState:
+        """The same, with the trouble that there is with the process."""
+        state, trouble = self.last_state, self.trouble
+        return replace(state, fault=trouble, running=state.running and not self.end) if trouble else state
 
     def set_reference(self, command: ReferenceCommand) -> None:
         """Leave a reference for the next tick."""
@@ -108,11 +140,30 @@ class ControlLink:
         response: Future[Any] = Future()
         with self._lock:
             number = next(self._numbers)
-            self._waiting[number] = (response, convert or _unchanged)
-            if self.end or not self._send((number, method, arguments)):
-                del self._waiting[number]
-                response.set_exception(NoResponseError(self.end or "the control process is too busy; try again"))
+            starting = 0.0 if self.created.done() else START_TIMEOUT
+            request = Request(number, time.perf_counter() + starting + EXPIRY, method, arguments)
+            refusal = self._refusal(request)
+            if refusal:
+                response.set_exception(NoResponseError(refusal))
+            else:
+                self._waiting[number] = (response, convert or _unchanged)
         return response
+
+    def _refusal(self, request: Request) -> str:
+        """Why a request could not be sent; empty if it was."""
+        if self.trouble:
+            return self.trouble
+        try:
+            message = packed(request)
+        except MessageTooLongError as error:
+            return str(error)
+        if len(self._waiting) < MAX_REQUESTS and has_sent(self._socket, message):
+            return ""
+        return "the control process is too busy; try again"
+
+    def kill(self) -> None:
+        """End the process at once; what waits for a response fails."""
+        self._process.kill()
 
     def close(self) -> None:
         """End the process; forcibly, where it does not end by itself."""
@@ -126,19 +177,17 @@ class ControlLink:
         self._receiver.join()
         self._socket.close()
 
-    def _send(self, message: Any) -> bool:
-        """Send a message; False if the socket has no room for it."""
-        try:
-            self._socket.send(pickle.dumps(message), socket.MSG_DONTWAIT)
-        except (BlockingIOError, ConnectionError):
-            return False
-        return True
-
     def _receive(self) -> None:
+        parts = ResponseParts()
         try:
             with suppress(ConnectionError):
                 while message := self._socket.recv(MAX_MESSAGE):
-                    self._deliver(*pickle.loads(message))
+                    try:
+                        response = parts.add(message)
+                        if response is not None:
+                            self._deliver(*response)
+                    except Exception:  # one bad message does not end the thread
+                        logger.exception("a message of %d bytes is no response", len(message))
         finally:
             self._fail_all()
 
@@ -146,33 +195,31 @@ class ControlLink:
         """Fail all requests under way: there will be no response."""
         self._process.wait()
         with self._lock:
-            self.end = f"the control process has ended: {_reason(self._process.returncode)}; reset starts it again"
+            self.end = f"the control process has ended: {_exit_reason(self._process.returncode)}; it starts again"
             waiting, self._waiting = self._waiting, {}
+        self.ended.set()
         for response, _ in waiting.values():
             if response.set_running_or_notify_cancel():
                 response.set_exception(NoResponseError(self.end))
 
     def _deliver(self, number: int, value: Any) -> None:
-        """Give a response to the request of that number, once it is complete."""
-        if isinstance(value, Chunk):
-            chunks = self._chunks.setdefault(number, [])
-            if not value.is_last:
-                chunks.append(value.value)
-                return
-            value = self._chunks.pop(number)
+        """Give a response to the request of that number."""
         with self._lock:
-            response, convert = self._waiting.pop(number)
-        if not response.set_running_or_notify_cancel():
+            waiting = self._waiting.pop(number, None)
+        if waiting is None or not waiting[0].set_running_or_notify_cancel():
             return
-        if isinstance(value, Exception):
-            response.set_exception(value)
-        else:
+        response, convert = waiting
+        try:
+            if isinstance(value, Exception):
+                raise value
             response.set_result(convert(value))
+        except Exception as error:
+            response.set_exception(error)
 
 
 def _unchanged(value: Any) -> Any:
     return value
 
 
-def _reason(code: int) -> str:
+def _exit_reason(code: int) -> str:
     return f"exit code {code}" if code >= 0 else signal.Signals(-code).name

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
+from walkcore.state import SimulationState
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,3 +71,5 @@ class LiveState:
     """The latest push and how it ended; None before the first one."""
     random_pushes: RandomPushes | None = None
     """Settings of the random pushes; None while they are off."""
+    next_state: SimulationState | None = None
+    """State before the coming tick, with which another control process can go on."""

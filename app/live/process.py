@@ -14,18 +14,21 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any
 
-from app.live.channel import MAX_MESSAGE, Chunk, ControlMemory
+from app.live.channel import ControlMemory
 from app.live.control import Control, NothingToSaveError, NotPausedError
 from app.live.live_state import LiveState
+from app.live.messages import MAX_MESSAGE, Request, RequestFailedError, has_sent, reason, response_parts
 from walkcore import WalkError
+
+logger = logging.getLogger(__name__)
 
 MIN_SLACK = 0.002  # [s] that must be left until the next tick for a request, or for other work between two ticks
 PUBLISH_PERIOD = 0.008  # [s] between two states of a robot that runs, at least: nobody reads them more often
 HEARTBEAT_PERIOD = 0.5  # [s] after which an old state is published again, to show that the process lives
+RESEND_PERIOD = 0.001  # [s] between two attempts to send to a server that is slow to read
 COLLECTION_PERIOD = 0.25  # [s] between garbage collections, which take 0.3 ms then; after 5 s it was 5 to 10
 
 
@@ -42,8 +45,10 @@ class ControlProcess:
         self._server, self._memory = server, memory
         self._published_at = self._collected_at = 0.0
         self._seen_reference = self._seen_push = 0
-        self._outbox: deque[tuple[int, Any]] = deque()
-        """Responses that wait for room in the socket, with the numbers of their requests."""
+        self._outbox: deque[Iterator[bytes]] = deque()
+        """Parts of responses that wait for room in the socket, or for the time between two ticks."""
+        self._unsent: bytes | None = None
+        """The next part."""
 
     def run(self) -> None:
         """Tick and handle requests until the server is gone."""
@@ -65,13 +70,12 @@ class ControlProcess:
             return self._handle_request(control, 0.0)  # one at each tick, however little time there is
         slack = control.time_left - MIN_SLACK
         if slack > 0.0:
-            return self._handle_request(control, 0.0 if self._outbox else min(slack, HEARTBEAT_PERIOD))
+            return self._handle_request(control, min(slack, self._idle_time))
         time.sleep(max(control.time_left, 0.0))
         return True
 
     def _work_between_ticks(self, control: Control) -> None:
-        if self._outbox and self._has_sent(*self._outbox[0]):
-            self._outbox.popleft()
+        self._send_part()
         if control.time_left > MIN_SLACK:
             control.tidy()
         now = time.perf_counter()
@@ -82,15 +86,23 @@ class ControlProcess:
             gc.freeze()  # what has survived is not searched again: the caches of a walk would take it 4 ms
             self._collected_at = now
 
+    @property
+    def _idle_time(self) -> float:
+        """Longest wait for a request [s]."""
+        if self._unsent is not None:
+            return RESEND_PERIOD
+        return 0.0 if self._outbox else HEARTBEAT_PERIOD
+
     def _create_control(self) -> Control | None:
         """The control of the robot in the first message; None if the robot cannot stand."""
-        robot, parameters = pickle.loads(self._server.recv(MAX_MESSAGE))
+        robot, parameters, resumed = pickle.loads(self._server.recv(MAX_MESSAGE))
         try:
-            control = Control(robot, parameters, self._publish_unless_recent)
+            control = Control(robot, parameters, self._publish_unless_recent, resumed=resumed)
         except Exception as error:
-            self._has_sent(0, error)
+            self._send(0, error)
             return None
-        self._has_sent(0, control.latest)
+        self._publish(control.latest)
+        self._send(0, control.latest)
         return control
 
     def _handle_request(self, control: Control, timeout: float) -> bool:
@@ -100,43 +112,57 @@ class ControlProcess:
         with suppress(ConnectionError):
             if message := self._server.recv(MAX_MESSAGE):
                 self._take_latest_values(control)
-                self._respond(control, *pickle.loads(message))
+                self._respond(control, message)
                 return True
         return False
 
-    def _respond(self, control: Control, number: int, method: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    def _respond(self, control: Control, message: bytes) -> None:
+        """Carry out a request, unless nobody waits for it any more; no request ends the process."""
         try:
-            response = method(control, *arguments)
+            request = pickle.loads(message)
+            assert isinstance(request, Request)
+        except Exception:
+            logger.exception("a message of %d bytes is no request", len(message))
+            return
+        if time.perf_counter() > request.expires_at:
+            return
+        try:
+            response = request.method(control, *request.arguments)
         except (NotPausedError, NothingToSaveError, WalkError) as refusal:
             response = refusal
         except Exception as error:
-            response = control.fail(error)
+            logger.exception("a request failed")
+            response = RequestFailedError(f"the request failed: {reason(error)}")
         self._publish(control.latest)  # so that whoever has the response finds a state that is no older
-        if isinstance(response, Iterator):
-            self._outbox.extend((number, Chunk(value)) for value in response)
-            self._outbox.append((number, Chunk(is_last=True)))
-        elif not self._has_sent(number, response):
-            self._outbox.append((number, response))
+        self._send(request.number, response)
 
     def _take_latest_values(self, control: Control) -> None:
         """Pass on the latest reference and push, where they are new."""
-        if self._memory.reference.count != self._seen_reference:
-            message = self._memory.reference.read()
-            self._seen_reference = message.count
-            control.set_reference(pickle.loads(message.data))
-        if self._memory.push.count != self._seen_push:
-            message = self._memory.push.read()
-            self._seen_push = message.count
-            control.push(pickle.loads(message.data))
+        reference, push = self._memory.reference.read(), self._memory.push.read()
+        if reference.count > self._seen_reference:
+            self._seen_reference = reference.count
+            control.set_reference(pickle.loads(reference.data))
+        if push.count > self._seen_push:
+            self._seen_push = push.count
+            control.push(pickle.loads(push.data))
 
-    def _has_sent(self, number: int, response: Any) -> bool:
-        """Send a response; False if the socket has no room, because the server is slow to read."""
-        with suppress(ConnectionError):  # the server is gone: the next read finds out
-            try:
-                self._server.send(pickle.dumps((number, response), pickle.HIGHEST_PROTOCOL), socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return False
-        return True
+    def _send(self, number: int, response: object) -> None:
+        """Begin to send a response; a list, which is long, goes after the others."""
+        parts = response_parts(number, response)
+        if isinstance(response, Iterator):
+            self._outbox.append(parts)
+        else:
+            self._outbox.appendleft(parts)
+        self._send_part()
+
+    def _send_part(self) -> None:
+        """Send the next part of a response, if there is one and the socket has room for it."""
+        while self._unsent is None and self._outbox:
+            self._unsent = next(self._outbox[0], None)
+            if self._unsent is None:
+                self._outbox.popleft()
+        if self._unsent is not None and has_sent(self._server, self._unsent):
+            self._unsent = None
 
     def _publish_unless_recent(self, state: LiveState) -> None:
         """Publish a state, unless the robot runs and one was published only just before."""

@@ -12,7 +12,7 @@ client that was overtaken is heard again only when it takes hold anew, or when n
 import math
 import random
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 
 from app.live.control import Control, NothingToSaveError, NotPausedError
-from app.live.link import ControlLink, NoResponseError
+from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
+from app.live.messages import NoResponseError
+from app.live.supervisor import Supervisor
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
 
@@ -35,15 +37,20 @@ TELEOP_TIMEOUT = 0.4  # [s] after which a silent teleop client counts as let go
 class Runner:
     """Drives the control process. All methods may be called from any thread.
 
-    Requests are futures of the state that they lead to. They fail with `NoResponseError` if the process is gone.
+    Requests are futures of the state that they lead to. They fail with `NoResponseError` where the process is gone or
+    hangs; it is then started again by itself, and the walk goes on.
     """
 
     def __init__(self, robot: Robot, parameters: Parameters) -> None:
         """Begin to put the robot at rest; `latest` waits until it stands."""
-        self.robot, self.parameters, self.defaults = robot, parameters, parameters
-        self._link = ControlLink(robot, parameters)
-        self._before_restart: LiveState | None = None
+        self.robot, self.defaults = robot, parameters
         self._command, self._expires_at = NO_REFERENCE, math.inf
+        self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters in force."""
+        return self._supervisor.parameters
 
     @property
     def latest(self) -> LiveState:
@@ -52,9 +59,12 @@ class Runner:
         Raises:
             WalkError: if the robot cannot stand with its parameters.
         """
-        if self._before_restart is not None and not self._link.created.done():
-            return replace(self._before_restart, running=False, fault="the control process is starting again")
-        return self._link.latest
+        return self._supervisor.latest
+
+    @property
+    def trouble(self) -> str:
+        """Why the robot cannot be commanded at the moment; empty where it can."""
+        return self._supervisor.trouble
 
     @property
     def active_driver(self) -> tuple[str, str]:
@@ -65,7 +75,7 @@ class Runner:
     @property
     def process_id(self) -> int:
         """Id of the control process in the system."""
-        return self._link.process_id
+        return self._supervisor.process_id
 
     def wait(self) -> None:
         """Wait until the robot stands.
@@ -73,15 +83,15 @@ class Runner:
         Raises:
             WalkError: if it cannot stand with its parameters.
         """
-        self._link.created.result()
+        self._supervisor.wait()
 
     def start(self) -> None:
         """Let time pass."""
-        self._link.request(Control.start)
+        self._supervisor.start()
 
     def stop(self) -> None:
         """End the process."""
-        self._link.close()
+        self._supervisor.stop()
 
     def drive(self, reference: Reference, driver: str, expires_after: float | None = None, client: str = "") -> None:
         """Follow a reference from the next tick on.
@@ -96,55 +106,51 @@ class Runner:
 
         Raises:
             InvalidValueError: if the reference is beyond a limit.
+            NoResponseError: if the control process does not respond at the moment.
         """
         self.robot.check_reference(reference)
+        link = self._supervisor.link
         lasts = math.inf if expires_after is None else expires_after
         self._command, self._expires_at = (
             ReferenceCommand(reference, driver, lasts, client),
             time.perf_counter() + lasts,
         )
-        self._link.set_reference(self._command)
+        link.set_reference(self._command)
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick.
 
         Raises:
             InvalidValueError: if it is beyond a limit.
+            NoResponseError: if the control process does not respond at the moment.
         """
-        self._link.push(self.robot.check_push(push))
+        checked = self.robot.check_push(push)
+        self._supervisor.link.push(checked)
 
     def pause(self) -> Future[LiveState]:
         """Stop time."""
-        return self._link.request(Control.pause)
+        return self._request(Control.pause)
 
     def resume(self) -> Future[LiveState]:
         """Let time pass again, after a fault too."""
-        return self._link.request(Control.resume)
+        return self._request(Control.resume)
 
     def step(self, ticks: int) -> Future[LiveState]:
         """Take single ticks while paused, as fast as they can be computed; else fail with `NotPausedError`."""
-        return self._link.request(Control.step, ticks)
+        return self._request(Control.step, ticks)
 
     def step_samples(self, samples: int) -> Future[LiveState]:
         """Take the ticks up to a coming sample of the gait's grid, 1 for the next; fails as `step` does."""
-        return self._link.request(Control.step_samples, samples)
+        return self._request(Control.step_samples, samples)
 
     def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
         """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
-        return self._link.request(Control.change, dict(values), convert=self._take_parameters)
+        return self._request(Control.change, dict(values), convert=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
-        """Put the robot back to rest at tick 0, with no reference and no push; time passes as before.
-
-        A control process that is gone is started again, and time passes.
-        """
+        """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         self._command = NO_REFERENCE
-        if not self._link.end:
-            return self._link.request(Control.reset)
-        self._before_restart = self._link.latest
-        self._link.close()
-        self._link = ControlLink(self.robot, self.parameters)
-        return self._link.request(Control.start)
+        return self._request(Control.reset)
 
     def set_speed(self, factor: float) -> Future[LiveState]:
         """Let simulated time pass `factor` times as fast as real time.
@@ -152,7 +158,7 @@ class Runner:
         Raises:
             InvalidValueError: if the factor is beyond `SPEEDS`.
         """
-        return self._link.request(Control.set_speed, check_range("speed.factor", factor, *SPEEDS))
+        return self._request(Control.set_speed, check_range("speed.factor", factor, *SPEEDS))
 
     def preview(self, push: Push) -> Future[Snapshot]:
         """The next tick as it would be if a push came now, all at once, without the body; the robot does not feel it.
@@ -160,7 +166,7 @@ class Runner:
         Raises:
             InvalidValueError: if the push is beyond a limit.
         """
-        return self._link.request(Control.preview, self.robot.check_push(push))
+        return self._request(Control.preview, self.robot.check_push(push))
 
     def push_at_random(self, strength: float, interval: float, seed: int | None = None) -> Future[LiveState]:
         """Let pushes come by themselves.
@@ -177,17 +183,33 @@ class Runner:
         check_range("random_pushes.interval", interval, *INTERVALS)
         seed = random.randrange(2**32) if seed is None else seed
         pushes = RandomPushes(strength, interval, seed) if strength else None
-        return self._link.request(Control.push_at_random, pushes)
+        return self._request(Control.push_at_random, pushes)
 
     def save(self, is_before_reset: bool = False) -> Future[list[bytes]]:
         """The last minute since the last reset, or of the walk before it; `NothingToSaveError` if there was none.
 
         As `Session.unpacked` reads it: to unpack it is work for a process that has the time.
         """
-        return self._link.request(Control.save, is_before_reset)
+        return self._request(Control.save, is_before_reset)
+
+    def _request(
+        self, method: Callable[..., Any], *arguments: Any, convert: Callable[[Any], Any] | None = None
+    ) -> Future[Any]:
+        try:
+            return self._supervisor.link.request(method, *arguments, convert=convert)
+        except NoResponseError as error:
+            response: Future[Any] = Future()
+            response.set_exception(error)
+            return response
+
+    def _repeat_reference(self, link: ControlLink) -> None:
+        """Give another control process the reference that still holds."""
+        time_left = self._expires_at - time.perf_counter()
+        if time_left > 0.0:
+            link.set_reference(replace(self._command, expires_after=time_left))
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
-        self.parameters = parameters
+        self._supervisor.parameters = parameters
         return parameters
 
 
