@@ -48,7 +48,7 @@ class Paper:
         self.U, self.Uc = stances.U, stances.Uc
         self.x = problem.com.matrix  # both axes side by side
         both = stances.is_double_support[:, None]
-        geometry = SupportGeometry(ROBOT, parameters, PENDULUM)
+        geometry = SupportGeometry(ROBOT, parameters)
         self.supports = geometry.supports(problem)
         self.reach = geometry.reach(problem.horizon.time_to_touchdown)
         self.known_centres = self.Uc * problem.support.position + both * self.supports.to_middle

@@ -23,7 +23,7 @@ from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
 from walkcore.mpc.regions import polygon
 from walkcore.mpc.stance import Footstep, Side, Stance
-from walkcore.mpc.supports import WalkingProblem
+from walkcore.mpc.supports import CaptureSets, WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import GivenPush, Snapshot
@@ -60,14 +60,18 @@ class Simulation:
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
 
-    def change(self, parameters: Parameters) -> None:
+    def change(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
         """Walk on with other parameters; a step under way keeps its duration.
+
+        Args:
+            parameters: all of them.
+            sets: of `capture_sets` for them, where somebody has computed them beforehand: they take the longest.
 
         Raises:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
-        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages)
+        generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages, sets)
         self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
 

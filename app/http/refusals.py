@@ -19,6 +19,7 @@ from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are reported
 MAX_SHOWN = 100  # characters of a refused value that are sent back
+MAX_LIMIT = 2000  # characters of its limit, which may name all choices
 # The core says reference.vx where the body is the reference: its name of the body, by the last part of the path.
 BODIES = {
     "reference": "reference",
@@ -82,9 +83,9 @@ def _shown(value: Any) -> Any:
     return value if value is None or is_number else _readable(text)
 
 
-def _readable(text: str) -> str:
+def _readable(text: str, length: int = MAX_SHOWN) -> str:
     """Text from outside as JSON can carry it, not long."""
-    return text[:MAX_SHOWN].encode(errors="replace").decode()
+    return text[:length].encode(errors="replace").decode()
 
 
 def _response(
@@ -111,13 +112,13 @@ async def _refuse_body(_: Request, error: Exception) -> JSONResponse:
 async def _refuse_value(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, InvalidValueError)
     body = BODIES.get(request.url.path.rpartition("/")[2], "")
-    field = error.field.removeprefix(f"{body}.")
-    errors = [FieldError(field=field, value=_shown(error.value), limit=error.limit)]
+    field = _readable(error.field.removeprefix(f"{body}."))
+    errors = [FieldError(field=field, value=_shown(error.value), limit=_readable(error.limit, MAX_LIMIT))]
     return _response(422, summary(errors), errors)
 
 
 async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
-    return _response(422, str(error))
+    return _response(422, _readable(str(error), MAX_LIMIT))
 
 
 async def _refuse_without_response(_: Request, error: Exception) -> JSONResponse:

@@ -136,8 +136,10 @@ class RobotBody(BaseModel):
 class Health(BaseModel):
     """Whether the walk keeps up with real time, and what it costs."""
 
-    status: Literal["ok", "degraded"]
-    reason: str = Field(description="Why the server is degraded.")
+    status: Literal["ok", "degraded", "unhealthy"] = Field(
+        description="Unhealthy, with status 503, while the control process does not respond."
+    )
+    reason: str = Field(description="Why the server is not ok.")
     version: str
     robot: str
     tick_rate: float = Field(description="Ticks per simulated second [Hz].")

@@ -8,7 +8,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,9 @@ from app.live.tick_scheduler import TickScheduler
 from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.mpc.plan import Status
+from walkcore.mpc.regions import HalfPlanes
+from walkcore.mpc.stance import Side
+from walkcore.mpc.supports import CaptureSets
 from walkcore.stages import Stopwatch, TimeLeft, unlimited
 
 logger = logging.getLogger(__name__)
@@ -71,6 +74,7 @@ class Control:
         self._command, self._commanded_at = NO_REFERENCE, 0.0
         self._push: Push | None = None
         self._random_pusher: RandomPusher | None = None
+        self._prepared_for, self._prepared = 0, dict[str, Mapping[Side, tuple[HalfPlanes, ...]]]()
         self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._log = SessionLog(self._simulation)
         self.latest = self._first_state() if resumed is None else self._resumed_state(resumed)
@@ -168,13 +172,33 @@ class Control:
         present = self.latest.snapshot.tick
         return self.step((present // per_sample + samples) * per_sample - present)
 
-    def change(self, values: Mapping[str, Any]) -> Parameters:
+    def prepare(self, token: int, name: str, sets: Mapping[Side, tuple[HalfPlanes, ...]]) -> None:
+        """Keep a part of the `CaptureSets` of a coming change, which would take the time of many ticks.
+
+        Args:
+            token: number of the change.
+            name: field of `CaptureSets`.
+            sets: its value.
+        """
+        if token != self._prepared_for:
+            self._prepared_for, self._prepared = token, {}
+        self._prepared[name] = sets
+
+    def change(self, values: Mapping[str, Any], token: int = 0) -> Parameters:
         """Walk on with some parameters changed, and return all of them.
+
+        Args:
+            values: of parameters by name.
+            token: of the parts that were prepared for it; 0 where none were.
 
         Raises:
             WalkError: if that cannot be; nothing has changed then.
         """
-        self._simulation.change(self.parameters.changed(values))
+        parameters, prepared = self.parameters.changed(values), self._prepared
+        if parameters == self.parameters:
+            return parameters
+        is_prepared = token == self._prepared_for and len(prepared) == len(fields(CaptureSets))
+        self._simulation.change(parameters, CaptureSets(**prepared) if is_prepared else None)
         self.parameters = self._simulation.parameters
         self._log.change(self.parameters)
         return self.parameters

@@ -23,6 +23,7 @@ from app.live.control import Control, NothingToSaveError, NotPausedError
 from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
 from app.live.messages import NoResponseError
+from app.live.parameter_changes import ParameterChanges
 from app.live.supervisor import Supervisor
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.values import check_range
@@ -46,6 +47,7 @@ class Runner:
         self.robot, self.defaults = robot, parameters
         self._command, self._expires_at = NO_REFERENCE, math.inf
         self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
+        self._changes = ParameterChanges(robot, self._supervisor)
 
     @property
     def parameters(self) -> Parameters:
@@ -92,6 +94,7 @@ class Runner:
     def stop(self) -> None:
         """End the process."""
         self._supervisor.stop()
+        self._changes.stop()
 
     def drive(self, reference: Reference, driver: str, expires_after: float | None = None, client: str = "") -> None:
         """Follow a reference from the next tick on.
@@ -145,7 +148,7 @@ class Runner:
 
     def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
         """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
-        return self._request(Control.change, dict(values), convert=self._take_parameters)
+        return self._changes.request(values)
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
@@ -207,10 +210,6 @@ class Runner:
         time_left = self._expires_at - time.perf_counter()
         if time_left > 0.0:
             link.set_reference(replace(self._command, expires_after=time_left))
-
-    def _take_parameters(self, parameters: Parameters) -> Parameters:
-        self._supervisor.parameters = parameters
-        return parameters
 
 
 class TeleopClient:

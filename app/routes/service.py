@@ -20,13 +20,18 @@ router = APIRouter(prefix="/api/v1", tags=["service"])
 metrics_router = APIRouter(include_in_schema=False)
 
 
-@router.get("/health")
-async def health(request: Request, runner: LiveRunner, runs: AllRuns) -> Health:
-    """Whether the walk keeps up with real time, what it costs, and whether runs can be kept."""
-    state = runner.latest
-    reason = "; ".join(filter(None, (_trouble(state), runs.problem)))
+@router.get("/health", responses={503: {"model": Health, "description": "The control process does not respond."}})
+async def health(request: Request, response: Response, runner: LiveRunner, runs: AllRuns) -> Health:
+    """Whether the walk keeps up with real time, what it costs, and whether runs can be kept.
+
+    503 while the control process does not respond.
+    """
+    state, trouble = runner.latest, runner.trouble
+    reason = trouble or "; ".join(filter(None, (_trouble(state), runs.problem)))
+    if trouble:
+        response.status_code = 503
     return Health(
-        status="degraded" if reason else "ok",
+        status="unhealthy" if trouble else "degraded" if reason else "ok",
         reason=reason,
         version=version("walk"),
         robot=runner.robot.name,

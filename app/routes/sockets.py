@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ReferenceBody, TeleopMessage, live_json
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, Runner, TeleopClient
+from app.live.runner import LiveState, NoResponseError, Runner, TeleopClient
 from app.routes.dependencies import Lease, LiveRunner
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
@@ -111,7 +111,7 @@ async def teleop(
                 refused = str(error)
             except ValidationError as error:
                 await socket.send_json({"error": summary(field_errors(error.errors()))})
-            except InvalidValueError as error:
+            except (InvalidValueError, NoResponseError) as error:
                 await socket.send_json({"error": str(error)})
 
 
@@ -122,6 +122,7 @@ def _obey(text: str, client: TeleopClient, lease: DriverLease, name: str) -> Non
         LeaseHeldError: if another browser drives alone.
         ValidationError: if it is not a message.
         InvalidValueError: if it is too long, or requests what cannot be clamped.
+        NoResponseError: if the control process does not respond at the moment.
     """
     check_range("length", len(text), 0, MAX_MESSAGE)
     message = TeleopMessage.model_validate_json(text)

@@ -15,7 +15,7 @@ from walkcore.mpc.preview import PLANNED, Preview, QPInputs
 from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
-from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
+from walkcore.mpc.supports import CaptureSets, SupportGeometry, Supports, WalkingProblem
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -29,8 +29,16 @@ MAX_PHASES = 1024  # a step of 0.8 s at ticks of 5 ms has 160, a start and a sto
 class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
-    def __init__(self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED) -> None:
+    def __init__(
+        self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED, sets: CaptureSets | None = None
+    ) -> None:
         """Compute what does not change from tick to tick.
+
+        Args:
+            robot: to plan for.
+            parameters: of the plans.
+            stages: listens to the stages of a plan.
+            sets: of `capture_sets` for robot and parameters, where they are known already.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
@@ -38,9 +46,7 @@ class PatternGenerator:
         p = self._parameters = parameters
         self._robot, self._stages = robot, stages
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
-        self._geometry = SupportGeometry(robot, p, self.pendulum)
-        self._lipm = {ticks: self._matrices(ticks) for ticks in range(1, p.timing.ticks_per_sample + 1)}
-
+        self._geometry = SupportGeometry(robot, p, sets)
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
@@ -48,14 +54,9 @@ class PatternGenerator:
     def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:
         p = self._parameters
         are_free = p.formulation.footholds is not Footholds.PLANNED
-        preview = Preview(stances, self._lipm[ticks_to_sample], p.timing.samples_per_step, are_free)
+        lipm = _tick_preview(p.horizon_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
+        preview = Preview(stances, lipm, p.timing.samples_per_step, are_free)
         return phase_matrices(preview, p, nb_edges)
-
-    def _matrices(self, ticks_to_sample: int) -> PreviewMatrices:
-        p = self._parameters
-        intervals = np.full(p.horizon_samples, p.sampling_period)
-        intervals[0] = ticks_to_sample * p.control_period
-        return preview_matrices(intervals, self.pendulum)
 
     def plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan:
         """The plan from a CoM state, be it a model's or a measured one.
@@ -201,6 +202,16 @@ def _is_viable(plan: Plan, supports: Supports, stances: StanceSequence) -> bool:
 def _centre(plan: Plan, sample: SampleStance) -> Vector:
     """Centre of the stance of a sample, world frame [m], shape (2,)."""
     return plan.stances[-1].centre if sample.is_double_support else plan.stances[sample.foot].feet[0].position
+
+
+@lru_cache(
+    maxsize=128
+)  # most changes of parameters leave them as they are, and each is first used at a tick of its own
+def _tick_preview(nb_samples: int, period: float, time_to_sample: float, pendulum: Pendulum) -> PreviewMatrices:
+    """The preview at a tick: the first interval ends at the next sample of the gait's grid."""
+    intervals = np.full(nb_samples, period)
+    intervals[0] = time_to_sample
+    return preview_matrices(intervals, pendulum)
 
 
 @lru_cache(maxsize=256)  # straight ahead, the ticks of a step pass the same headings and times

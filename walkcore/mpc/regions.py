@@ -93,18 +93,18 @@ def polygon(vertices: ArrayLike) -> HalfPlanes:
         facets = ConvexHull(np.asarray(vertices, dtype=float).reshape(-1, 2)).equations
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"the points enclose no area: {vertices}") from error
-    normals: list[Vector] = []
+    normals, bounds = facets[:, :2], -facets[:, 2]
+    are_opposite = np.all(np.abs(normals[:, None] + normals) <= 1e-9 + 1e-5 * np.abs(normals), axis=2)
+    rows: list[int] = []
     lower: list[float] = []
-    upper: list[float] = []
-    for normal, bound in zip(facets[:, :2], -facets[:, 2], strict=True):
-        opposite = next((i for i, other in enumerate(normals) if np.allclose(other, -normal, atol=1e-9)), None)
+    for facet, bound in enumerate(bounds):
+        opposite = next((i for i, row in enumerate(rows) if are_opposite[row, facet]), None)
         if opposite is None:
-            normals.append(normal)
+            rows.append(facet)
             lower.append(-np.inf)
-            upper.append(bound)
         else:
             lower[opposite] = -bound
-    return HalfPlanes(frozen_copy(normals), frozen_copy(lower), frozen_copy(upper))
+    return HalfPlanes(frozen_copy(normals[rows]), frozen_copy(lower), frozen_copy(bounds[rows]))
 
 
 def box(half_widths: ArrayLike) -> HalfPlanes:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import cycle
 
 import numpy as np
@@ -91,31 +91,87 @@ class Supports:
         return tuple(len(p.lower) for p in (*self.cop_polygons, *self.foothold_regions, self.flight))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CaptureSets:
+    """Capturable states of the DCM, each as `capture_polygons` has them; they take most of the time of a change."""
+
+    viable: Mapping[Side, tuple[HalfPlanes, ...]]
+    """By steps that keep all margins."""
+    tight: Mapping[Side, tuple[HalfPlanes, ...]]
+    """By steps that keep all margins and use part of the foothold region only."""
+    on_whole_soles: Mapping[Side, tuple[HalfPlanes, ...]]
+    """By steps that use the whole soles."""
+
+
+def capture_sets(robot: Robot, parameters: Parameters) -> CaptureSets:
+    """The capturable states of a robot with some parameters; the same object where these decide the same.
+
+    Raises:
+        EmptyRegionError: if the margin leaves nothing of the sole.
+    """
+    p = parameters
+    height = robot.com_height if p.com_height is None else p.com_height
+    single_support = p.step_duration - p.double_support_duration
+    timing = StepTiming(p.double_support_duration, single_support, Pendulum(height, p.gravity).omega)
+    return _capture_sets(robot, p.cop_margin, timing, p.sampling_period)
+
+
+@lru_cache(maxsize=8)
+def _capture_sets(robot: Robot, margin: float, timing: StepTiming, sampling_period: float) -> CaptureSets:
+    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
+    part_of_region = middle + TIGHTENING * (region - middle)
+    return CaptureSets(
+        *(
+            capture_polygons(robot.sole, margin, vertices, timing, sampling_period)
+            for margin, vertices in ((margin, region), (margin, part_of_region), (0.0, region))
+        )
+    )
+
+
+def inner_soles(robot: Robot, margin: float) -> dict[Side, HalfPlanes]:
+    """The part of each sole that the CoP may use, in the frame of the foot.
+
+    Args:
+        robot: whose soles they are.
+        margin: that the CoP keeps from their edges [m].
+
+    Raises:
+        EmptyRegionError: if it leaves nothing of them.
+    """
+    return {side: sole.inset(margin) for side, sole in _polygons(robot)[0].items()}
+
+
+@lru_cache(maxsize=8)
+def _polygons(
+    robot: Robot,
+) -> tuple[Mapping[Side, HalfPlanes], Mapping[Side, list[HalfPlanes]], Mapping[Side, list[Matrix]]]:
+    """The sole of each foot, and its foothold regions, one for each band of yaws, as rows and as vertices."""
+    at_origin = {side: Stance((Footstep(side, np.zeros(2), 0.0),), robot.sole) for side in Side}
+    vertices = {side: [foothold_vertices(region.vertices, side) for region in robot.foothold_regions] for side in Side}
+    regions = {side: [polygon(corners) for corners in vertices[side]] for side in Side}
+    return {side: polygon(stance.corners) for side, stance in at_origin.items()}, regions, vertices
+
+
 class SupportGeometry:
     """Polygons of one robot, computed once, and put where the feet are."""
 
-    def __init__(self, robot: Robot, parameters: Parameters, pendulum: Pendulum) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, sets: CaptureSets | None = None) -> None:
         """Compute the polygons.
+
+        Args:
+            robot: whose feet they are.
+            parameters: with margin and timing.
+            sets: of `capture_sets` for them, where they are known already.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
         """
         p = parameters
         self._robot, self._parameters = robot, p
-        at_origin = {side: Stance((Footstep(side, np.zeros(2), 0.0),), robot.sole) for side in Side}
-        self._soles = {side: polygon(stance.corners).inset(p.cop_margin) for side, stance in at_origin.items()}
+        _, self._regions, self._region_vertices = _polygons(robot)
+        self._soles = inner_soles(robot, p.cop_margin)
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
-        self._region_vertices = {
-            side: [foothold_vertices(region.vertices, side) for region in robot.foothold_regions] for side in Side
-        }
-        self._regions = {side: [polygon(vertices) for vertices in self._region_vertices[side]] for side in Side}
-        timing = StepTiming(p.double_support_duration, p.step_duration - p.double_support_duration, pendulum.omega)
-        region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
-        part_of_region = middle + TIGHTENING * (region - middle)
-        self._viable, self._viable_tight, self._viable_on_whole_soles = (
-            capture_polygons(robot.sole, margin, vertices, timing, p.sampling_period)
-            for margin, vertices in ((p.cop_margin, region), (p.cop_margin, part_of_region), (0.0, region))
-        )
+        self._sets = capture_sets(robot, p) if sets is None else sets
         self._supports = instance_cache(self._compute_supports, MAX_SUPPORTS)
 
     def supports(self, problem: WalkingProblem) -> Supports:
@@ -179,9 +235,9 @@ class SupportGeometry:
             flight=POINT.rotated(support_yaw),
             region_vertices=tuple(self._region_vertices[side][band] for side, band in zip(sides, bands, strict=True)),
             to_middle=NOWHERE,
-            viable_at_next_sample=_viable(self._viable, stances.first, feet),
-            terminal_set_tight=_viable(self._viable_tight, stances.last, feet),
-            terminal_set=_viable(self._viable_on_whole_soles, stances.last, feet),
+            viable_at_next_sample=_viable(self._sets.viable, stances.first, feet),
+            terminal_set_tight=_viable(self._sets.tight, stances.last, feet),
+            terminal_set=_viable(self._sets.on_whole_soles, stances.last, feet),
             sides=sides,
             yaws=yaws,
             stopping_offset=stopping_offset,

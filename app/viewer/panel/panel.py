@@ -1,6 +1,7 @@
 """Panel beside the scene, in tabs. Its controls are shared by all clients, and only leave requests for the runner."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from html import escape
 from importlib.metadata import version
@@ -9,7 +10,7 @@ from typing import Any
 import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, Runner
+from app.live.runner import LiveState, NoResponseError, Runner
 from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.plots_tab import PlotsTab
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
@@ -127,14 +128,19 @@ class DriveTab:
                 event.client.add_notification("Not driven", str(refusal), color="red")
             return
         # A client may send any value, whatever range its slider shows.
-        self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
+        try:
+            self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
+        except NoResponseError as refusal:
+            if event.client is not None:
+                event.client.add_notification("Not driven", str(refusal), color="red")
 
     def update(self, state: LiveState) -> None:
         """Show the reference of another driver; name no client any more once the one that moved the sliders is gone."""
         driver, client = self._runner.active_driver
         if driver == DRIVER:
             if client and not self._clients.is_open(client):
-                self._runner.drive(state.snapshot.reference, DRIVER)
+                with suppress(NoResponseError):  # the next frame tries again
+                    self._runner.drive(state.snapshot.reference, DRIVER)
             return
         for name, slider in self._sliders.items():
             value = round(getattr(state.snapshot.reference, name), 2)

@@ -63,7 +63,10 @@ class DragPush:
         self.cancel()
         # viser ends a drag, too, when its browser disconnects.
         if impulse is not None and event.client_id in self._server.get_clients():
-            self._runner.push(Push(impulse, frame="world"))
+            try:
+                self._runner.push(Push(impulse, frame="world"))
+            except NoResponseError as error:  # all pages show that, too
+                logger.warning("no push by a drag: %s", error)
 
     def cancel(self) -> None:
         """Forget the drag under way."""
@@ -92,7 +95,9 @@ class DragPush:
     def _receive(self, finished: Future[Snapshot]) -> None:
         try:
             preview = finished.result()
-        except (WalkError, NoResponseError) as error:
+        except NoResponseError:  # all pages show that, and this comes with every frame
+            return
+        except WalkError as error:
             logger.warning("no preview of a push: %s", error)
             return
         if self._impulse is not None:
