@@ -1,7 +1,7 @@
 """The state of a walk between two ticks: a value that can be kept, sent, and walked on from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -10,10 +10,10 @@ from walkcore.errors import InvalidValueError
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import FootState
 from walkcore.motion.whole_body import configuration_size
-from walkcore.mpc.gait import Gait
+from walkcore.mpc.gait import Gait, Timing
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.stance import Side
-from walkcore.parameters import Parameters
+from walkcore.parameters import LIMITS, Parameters
 from walkcore.robot import Robot
 from walkcore.values import Vector, check_keys, check_mapping, check_range, check_vector, check_whole, frozen_copy
 
@@ -22,6 +22,7 @@ FARTHEST = 1e5  # [m] from the origin
 HIGHEST = 1.0  # [m] of a foot in the air
 MAX_PUSHES = 1000  # under way at once
 QUATERNION_TOLERANCE = 1e-6
+ROUNDING = 1e-9  # by which a push may exceed the strongest one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +107,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
         raise InvalidValueError("initial_state.why_fallen", values["why_fallen"], "must be text")
     return SimulationState(
         tick=tick,
-        gait=_gait(values["gait"], tick, parameters),
+        gait=_gait(values["gait"], None if values["why_fallen"] else tick, parameters),
         left_foot=_foot("initial_state.left_foot", values["left_foot"]),
         right_foot=_foot("initial_state.right_foot", values["right_foot"]),
         com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
@@ -152,7 +153,8 @@ def _foot(where: str, data: Any) -> FootState:
     return FootState(np.array(list(_vectors(where, values, FOOT).values())), height)
 
 
-def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
+def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
+    """The gait; at a tick it may not have ended, but for None, after a fall, from which on it stays as it was."""
     where = "initial_state.gait"
     timing = {"step_duration": parameters.step_duration}
     values = _complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
@@ -166,18 +168,21 @@ def _gait(data: Any, tick: int, parameters: Parameters) -> Gait:
         check_whole(f"{where}.nb_steps", nb_steps, 1, MAX_TICK)
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
-    gait = Gait(_timed(parameters, values["step_duration"]).timing, sides[side], start, nb_steps)
-    if gait.has_ended(tick):
+    gait = Gait(_timing(parameters, values["step_duration"]), sides[side], start, nb_steps)
+    if tick is not None and gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait
 
 
-def _timed(parameters: Parameters, step_duration: Any) -> Parameters:
-    """The parameters of a step under way, which keeps its duration when another one is requested."""
-    try:
-        return parameters.changed({"step_duration": step_duration})
-    except InvalidValueError as error:
-        raise InvalidValueError(f"initial_state.gait.{error.field}", error.value, error.limit) from error
+def _timing(parameters: Parameters, step_duration: Any) -> Timing:
+    """The timing of a step under way, which keeps its duration when another one is requested."""
+    where = "initial_state.gait.step_duration"
+    check_range(where, step_duration, *LIMITS["step_duration"])
+    samples = step_duration / parameters.sampling_period
+    if abs(samples - round(samples)) > 1e-9 or round(samples) < 2:
+        limit = f"must be a multiple of sampling_period = {parameters.sampling_period:g}, and at least two of them"
+        raise InvalidValueError(where, step_duration, limit)
+    return replace(parameters.timing, step_duration=step_duration)
 
 
 def _pushes(data: Any, robot: Robot) -> tuple[PushUnderWay, ...]:
@@ -187,7 +192,7 @@ def _pushes(data: Any, robot: Robot) -> tuple[PushUnderWay, ...]:
     pushes: list[PushUnderWay] = []
     for i, item in enumerate(cast(list[Any], data)):
         values = _complete(f"{where}[{i}]", item, ("impulse_per_tick", "ticks_left"))
-        limit = robot.max_push
+        limit = robot.max_push * (1.0 + ROUNDING)  # it was turned into the world
         impulse = check_vector(f"{where}[{i}].impulse_per_tick", values["impulse_per_tick"], 2, -limit, limit)
         ticks_left = check_whole(f"{where}[{i}].ticks_left", values["ticks_left"], 1, MAX_TICK)
         pushes.append(PushUnderWay(impulse, ticks_left))
