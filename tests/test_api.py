@@ -558,16 +558,3 @@ def test_metrics_report_the_cost_of_drawn_frames_while_a_browser_looks(server):
         return drawn_frames(server) == first
 
     wait_for(nothing_is_drawn)
-
-
-def test_death_of_the_control_process_degrades_the_server_and_a_reset_mends_it(api, server):
-    process = api.get("health").json()["control_process"]
-    os.kill(process, signal.SIGKILL)
-    wait_for(lambda: api.get("health").json()["status"] == "degraded")
-    assert "SIGKILL" in live(api)["fault"] and live(api)["running"] is False
-    response = api.post("live/pause")
-    assert response.status_code == 503 and set(response.json()) == {"detail", "errors"}
-    assert httpx.get(f"{server.url}metrics").status_code == 200
-    assert api.post("live/reset").json()["tick"] == 0
-    assert api.get("health").json()["control_process"] != process
-    wait_for(lambda: live(api)["tick"] > 5 and live(api)["fault"] == "")

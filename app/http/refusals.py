@@ -1,6 +1,5 @@
 """Refusals in one shape: `{"detail": "...", "errors": [{"field", "value", "limit"}]}`."""
 
-import math
 import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,6 +18,7 @@ from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are reported
 MAX_SHOWN = 100  # characters of a refused value that are sent back
+LARGEST = 1e300  # of the numbers that are sent back as numbers: an integer may have thousands of digits
 MAX_LIMIT = 2000  # characters of its limit, which may name all choices
 # The core says reference.vx where the body is the reference: its name of the body, by the last part of the path.
 BODIES = {
@@ -77,7 +77,7 @@ def _field_error(error: ErrorDetails, outermost: int) -> FieldError:
 
 def _shown(value: Any) -> Any:
     """A refused value as JSON can carry it: NaN, infinities and all that is no plain value as text, none long."""
-    is_number = isinstance(value, (int, float)) and abs(value) < math.inf
+    is_number = isinstance(value, (int, float)) and abs(value) < LARGEST
     # reprlib, as the text of a deeply nested value is more than Python can write
     text = value if isinstance(value, str) else reprlib.repr(value)
     return value if value is None or is_number else _readable(text)
