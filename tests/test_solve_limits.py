@@ -8,6 +8,8 @@ from walkcore import Command, Parameters, Push, Reference, Simulation, load_robo
 from walkcore.errors import InvalidValueError, OutOfTimeError
 from walkcore.mpc.plan import Status
 from walkcore.mpc.qp import MAX_ACTIVE_SET_ITERATIONS, SOLVERS
+from walkcore.scenario.recording import collect
+from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.simulation import NOT_IN_TIME
 from walkcore.stages import unlimited
 
@@ -87,3 +89,11 @@ def test_a_solver_of_any_type_is_refused(value):
     with pytest.raises(InvalidValueError) as refused:
         Parameters().changed({"solver": value})
     assert refused.value.field == "solver"
+
+
+def test_a_tick_without_time_is_no_reason_of_a_fall_in_a_recording():
+    simulation = Simulation(HRP2, Parameters(control_period=0.1))
+    scenario = scenario_from_mapping({"robot": "hrp2", "duration": 0.5, "parameters": {"control_period": 0.1}})
+    snapshots = [simulation.step(WALK), *(simulation.step(WALK, no_time) for _ in range(4))]
+    assert snapshots[-1].reason == NOT_IN_TIME
+    assert collect(scenario, snapshots, None).reason == ""

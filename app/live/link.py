@@ -33,7 +33,7 @@ from walkcore import Parameters, Push, Robot
 logger = logging.getLogger(__name__)
 
 WATCHDOG_TIMEOUT = 2.0  # [s] without a new state, after which something is wrong with the process
-START_TIMEOUT = 60.0  # [s] for the process to put the robot at rest, on a machine however busy
+START_TIMEOUT = 120.0  # [s] for the process to put the robot at rest, on a machine however busy
 EXIT_TIMEOUT = 2.0  # [s] for the process to end by itself
 EXPIRY = 5.0  # [s] after which a request that has not been begun is dropped
 MAX_REQUESTS = 64  # under way at once

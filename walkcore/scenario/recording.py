@@ -14,6 +14,7 @@ import numpy as np
 from walkcore.analysis.columns import BodyUse
 from walkcore.analysis.metrics import metrics
 from walkcore.motion.whole_body import WholeBody
+from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Footstep
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -212,7 +213,8 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
         columns = columns or (*values, *joints, *more)
         rows.append([*values.values(), *joints.values(), *more.values()])
-        reason = reason or snapshot.reason
+        if snapshot.status is Status.FALLEN:
+            reason = reason or snapshot.reason
         if body is not None:
             efforts.append(_effort(body, snapshot))
     table = np.array(rows)
