@@ -200,12 +200,15 @@ def test_a_paused_robot_is_paused_at_the_same_tick_after_its_process_was_killed(
 
 def test_a_control_process_that_is_killed_again_and_again_comes_back_at_rest(mortal):
     wait_for(lambda: mortal.latest.snapshot.tick > 50)
+    mortal.set_speed(0.5).result(PATIENCE)
+    mortal.pause().result(PATIENCE)
     for _ in range(2):
         os.kill(mortal.process_id, signal.SIGKILL)
         wait_for(lambda: mortal.trouble != "")
         wait_for(lambda: mortal.trouble == "")
-    assert mortal.latest.snapshot.phase == 0
-    mortal.pause().result(PATIENCE)
+    state = mortal.latest
+    assert (state.snapshot.tick, state.running, state.speed) == (0, False, 0.5)
+    assert mortal.step(1).result(PATIENCE).snapshot.tick == 1
 
 
 def test_requests_to_a_control_process_that_was_stopped_end_and_another_takes_over(mortal):

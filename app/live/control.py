@@ -24,6 +24,7 @@ from walkcore.mpc.regions import HalfPlanes
 from walkcore.mpc.stance import Side
 from walkcore.mpc.supports import CaptureSets
 from walkcore.stages import Stopwatch, TimeLeft, unlimited
+from walkcore.state import SimulationState
 
 logger = logging.getLogger(__name__)
 
@@ -91,12 +92,7 @@ class Control:
         if resumed.random_pushes is not None:
             self._random_pusher = RandomPusher(resumed.random_pushes, self.parameters.control_period)
         self._scheduler.set_speed(resumed.speed)
-        try:
-            assert resumed.next_state is not None
-            self._simulation.restore(resumed.next_state)
-            self._simulation.preview(Command())  # finds out whether there is a next tick
-        except Exception as error:
-            logger.warning("the walk cannot go on; the robot stands at rest", exc_info=error)
+        if resumed.next_state is None or not self._can_restore(resumed.next_state):
             self._simulation.reset()
             return replace(
                 self._first_state(),
@@ -108,6 +104,16 @@ class Control:
         return replace(
             resumed, timing=self._scheduler.timing, driver=NO_REFERENCE.driver, driver_client=NO_REFERENCE.client
         )
+
+    def _can_restore(self, state: SimulationState) -> bool:
+        """Go on from a state; False if there is no next tick."""
+        try:
+            self._simulation.restore(state)
+            self._simulation.preview(Command())
+        except Exception as error:
+            logger.warning("the walk cannot go on (%s): the robot stands at rest", reason(error))
+            return False
+        return True
 
     @property
     def time_left(self) -> float:

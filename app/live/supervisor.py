@@ -5,9 +5,11 @@ soon, too, the state may be what ends it: the robot then stands at rest, and the
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from app.live.control import Control
 from app.live.link import START_TIMEOUT, ControlLink
@@ -19,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 WATCH_PERIOD = 0.25  # [s] between two looks at the process
 HANG_TIMEOUT = 5.0  # [s] of silence after which the process is killed
-SOON = 10.0  # [s] from its start, within which the end of a process is one too many
+SOON = 5.0  # [s] from when the robot stood, or walked on, within which the end of a process is one too many
 MAX_PAUSE = 30.0  # [s] before a start, after many that did not last
 
 
@@ -38,9 +40,12 @@ class Supervisor:
         """Parameters of the next process."""
         self._robot, self._on_restart = robot, on_restart
         self._link = ControlLink(robot, parameters)
-        self._started_at, self._pause = time.monotonic(), 0.0
+        self._ready_at, self._pause = math.inf, 0.0
         self._is_restart = self._is_time_passing = False
+        self._resumed: LiveState | None = None
+        """Latest state of the walk, with which the next process goes on."""
         self._before: LiveState | None = None
+        """The same as it is shown until that process is ready."""
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="control supervisor", daemon=True)
         self._thread.start()
@@ -108,6 +113,8 @@ class Supervisor:
             # What this process slept itself, with the whole machine, is no silence of the other.
             silence = min(self._link.silence, silence + min(now - last, 2.0 * WATCH_PERIOD))
             last = now
+            if self._link.created.done():
+                self._ready_at = min(self._ready_at, now)
             try:
                 if self._link.ended.is_set():
                     silence = 0.0
@@ -126,17 +133,21 @@ class Supervisor:
         if not self._is_restart and not _is_created(ended):  # it could never stand: whoever waits for it is told
             self._stopped.wait()
             return
-        did_last = time.monotonic() - self._started_at > SOON
+        did_last = time.monotonic() - self._ready_at > SOON
         self._pause = 0.0 if did_last or not self._is_restart else min(2.0 * self._pause + 0.5, MAX_PAUSE)
-        resumed = ended.last_state if _is_created(ended) else None
-        self._before = ended.latest if resumed is not None else self._before
+        if _is_created(ended):
+            self._resumed, self._before = ended.last_state, ended.latest
         logger.warning("%s", ended.end)
         if self._stopped.wait(self._pause):
             return
         ended.close()
-        can_resume = did_last or not self._is_restart
-        self._started_at, self._is_restart = time.monotonic(), True
-        self._link = link = ControlLink(self._robot, self.parameters, resumed if can_resume else None)
+        assert self._resumed is not None
+        if (
+            self._is_restart and not did_last
+        ):  # the state may be what ends the process: speed and pause go on without it
+            self._resumed = replace(self._resumed, next_state=None)
+        self._ready_at, self._is_restart = math.inf, True
+        self._link = link = ControlLink(self._robot, self.parameters, self._resumed)
         self._on_restart(link)
         if self._is_time_passing:
             link.request(Control.start)
