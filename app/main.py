@@ -30,7 +30,7 @@ from app.viewer import LIGHT, RenderQuality, Viewer
 from walkcore import Parameters, load_robot
 
 # The paper takes 0.8 s to start; a person at a joystick waits for the step.
-LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
+LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True, step_timing="adaptive")
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
 SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
 SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops

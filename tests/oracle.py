@@ -24,7 +24,9 @@ class Oracle:
 
     def intervals(self, k):
         ticks = round(self.T / self.dt)
-        first = (ticks - int(self["tick"][k]) % ticks) * self.dt
+        left = self["time_to_touchdown"][k]
+        first = ticks - int(self["tick"][k]) % ticks if math.isnan(left) else (round(left / self.dt) - 1) % ticks + 1
+        first *= self.dt
         return [first] + [self.T] * (self.N - 1)
 
     def matrices(self, k):
@@ -47,11 +49,13 @@ class Oracle:
         if math.isnan(self["time_to_touchdown"][k]):
             return ["pair"] * self.N
         steps_left = int(self["steps_to_stand"][k])
-        step_start = self["time_to_touchdown"][k] - self.p["step_duration"]  # of the step under way or to come
+        touchdown = self["time_to_touchdown"][k]
+        step_start = touchdown - self["step_duration"][k]  # of the step under way or to come
         found = []
         for i in range(self.N):
             t = first + i * self.T
-            step = math.floor((t - step_start - 1e-6) / self.p["step_duration"])
+            step = max(1 + math.floor((t - touchdown - 1e-6) / self["next_step_duration"][k]), 0)
+            step = -1 if t < step_start + 1e-6 else step
             if step < 0:
                 found.append("pair")
             elif 0 <= steps_left <= step:
@@ -66,7 +70,7 @@ class Oracle:
         p, margin = self.p, self.p["cop_margin"]
         side = int(self["support_side"][k])
         support = np.array([self["support_x"][k], self["support_y"][k]])
-        yaws = [self["support_yaw"][k], self["foothold_yaw"][k], self["foothold2_yaw"][k]]
+        yaws = self.yaws(k)
         left, right = ([self[f"{f}_x"][k], self[f"{f}_y"][k], self[f"{f}_yaw"][k]] for f in ("left", "right"))
         found = []
         for stance in self.stances(k):
@@ -86,6 +90,10 @@ class Oracle:
             centre = support + offset if step == 0 else offset
             found.append((centre, step - 1 if step else None, edges(outline, margin)))
         return found
+
+    def yaws(self, k):
+        """Of the support foot and the footholds to come."""
+        return [self[f"{name}_yaw"][k] for name in ("support", "foothold", "foothold2", "foothold3", "foothold4")]
 
     def sole(self, side, place):
         x, y, yaw = place
@@ -146,7 +154,7 @@ class Oracle:
 
     def foothold_rows(self, k, m, n, G, h):
         p, N, side = self.p, self.N, int(self["support_side"][k])
-        previous, yaws = None, [self["support_yaw"][k], self["foothold_yaw"][k], self["foothold2_yaw"][k]]
+        previous, yaws = None, self.yaws(k)
         for foot in range(m):
             landing_is_right = (side + foot) % 2 == 0
             region = self.region(yaws[foot + 1] - yaws[foot], landing_is_right)

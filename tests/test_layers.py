@@ -17,13 +17,15 @@ CORE = """
     mpc.lipm mpc.stance mpc.gait mpc.orientation mpc.regions mpc.capture
     mpc.preview mpc.objective mpc.schemes mpc.qp
     parameters robot
+    mpc.viability
     mpc.supports mpc.constraints mpc.walking_qp
-    mpc.plan mpc.pattern_generator
+    mpc.plan mpc.pattern_generator mpc.step_timing
     motion.swing_foot motion.dynamic_filter motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     snapshot state simulation
     scenario.expectations scenario.events scenario.scenario
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.metrics
+    analysis.push_bound
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """

@@ -33,6 +33,8 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 """Lowest and highest value of each parameter that is a number."""
+STEP_TIMINGS = ("fixed", "adaptive")
+"""Whether all steps last as long as the parameters say, or sooner touchdowns may catch a robot that was pushed."""
 COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
 FIXED = ("control_period", "sampling_period", "double_support_duration", "com_height", "gravity")
 """Parameters that hold for a whole walk."""
@@ -68,6 +70,8 @@ class Parameters:
     """Equal to `sampling_period`, so that no sample falls inside a double support (section 4) [s]."""
     initial_double_support_duration: float = 0.8
     """Time on both feet before the first step, while the CoM sways over the first support [s]."""
+    step_timing: str = "fixed"
+    """Whether a robot that is threatened may put its foot down sooner: `fixed`, the paper's, or `adaptive`."""
     stepping_in_place: bool = False
     """Whether the robot keeps stepping while the reference is zero, as the paper's does."""
     dynamic_filter: bool = False
@@ -90,6 +94,8 @@ class Parameters:
             raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
         if self.solver not in tuple(SOLVERS):
             raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
+        if self.step_timing not in STEP_TIMINGS:
+            raise InvalidValueError("step_timing", self.step_timing, f"must be one of {', '.join(STEP_TIMINGS)}")
         for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)
         for name in ("stepping_in_place", "dynamic_filter"):

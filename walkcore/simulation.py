@@ -14,7 +14,7 @@ import numpy as np
 from walkcore.command import Command, Push, Reference
 from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError, OutOfTimeError
 from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, dcm_offset
-from walkcore.motion.swing_foot import FootState, standing, swing, swing_height
+from walkcore.motion.swing_foot import Flight, FootState, bump_at, retimed_flight, standing, swing, swing_height
 from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.gait import Gait, GaitState, Phase
 from walkcore.mpc.lipm import CoMState
@@ -22,7 +22,9 @@ from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
 from walkcore.mpc.regions import polygon
+from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.mpc.supports import CaptureSets, WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot, load_robot
@@ -56,6 +58,7 @@ class Simulation:
         self.parameters = Parameters() if parameters is None else parameters
         self._stages = stages
         self._generator = PatternGenerator(self.robot, self.parameters, stages)
+        self._step_timing = self._make_step_timing()
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
@@ -74,11 +77,19 @@ class Simulation:
         generator = PatternGenerator(self.robot, self.parameters.check_change(parameters), self._stages, sets)
         self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
+        self._step_timing = self._make_step_timing()
+
+    def _make_step_timing(self) -> AdaptiveTiming | None:
+        """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
+        p = self.parameters
+        is_adaptive = p.step_timing == "adaptive" and p.formulation.footholds is Footholds.FREE
+        return AdaptiveTiming(self.robot, p, self._generator) if is_adaptive else None
 
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
         self._tick = 0
         self._gait = Gait(self.parameters.timing)
+        self._flight: Flight | None = None
         self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
         self._com = CoMState.at_rest(middle)
@@ -96,6 +107,7 @@ class Simulation:
         return SimulationState(
             tick=self._tick,
             gait=self._gait,
+            flight=self._flight,
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
             com=self._com,
@@ -116,6 +128,7 @@ class Simulation:
             raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
         self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
+        self._flight = state.flight
         self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
         self._offset, self._last_plan = state.com_offset, None
         self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
@@ -190,7 +203,47 @@ class Simulation:
                 return None
         walks = self.parameters.stepping_in_place or not reference.is_zero
         candidates = self._gait.candidates(self._tick, walks, _first_support(reference))
-        return self._first_that_works(candidates, reference, time_left)
+        if self._step_timing is None:
+            return self._first_that_works(candidates, reference, time_left)
+        return self._adapted(self._step_timing, candidates, reference, time_left)
+
+    def _adapted(
+        self, step_timing: AdaptiveTiming, candidates: tuple[Gait, ...], reference: Reference, time_left: TimeLeft
+    ) -> Plan | None:
+        """Take the gait of adaptive step timing."""
+        last, swing = self._last_plan, self._feet[self._gait.support_side(self._tick).other]
+        try:
+            gait, plan = step_timing.decide(
+                candidates,
+                self._tick,
+                swing.height,
+                lambda gait: self._problem(gait, reference),
+                unlimited if last is None else time_left,
+            )
+        except OutOfTimeError:
+            assert last is not None
+            return self._generator.continued(last, self._problem(self._gait, reference))
+        except NoSolutionFoundError as failure:
+            self._fall_down(f"no step can catch the robot: {failure}")
+            return None
+        self._retime_flight(gait)
+        self._gait = gait
+        return plan
+
+    def _retime_flight(self, gait: Gait) -> None:
+        """The foot in the air goes to the ground by the touchdown of this gait, if it is another one than so far."""
+        before, tick, p = self._gait, self._tick, self.parameters
+        (begin, touchdown), (_, new_touchdown) = before.step_ticks(tick), gait.step_ticks(tick)
+        now = before.at(tick)
+        if now.phase is not Phase.SINGLE_SUPPORT or new_touchdown == touchdown:
+            return
+        lift_off = begin + p.timing.ticks_per_sample
+        if self._flight is not None:
+            height = self._flight.at(tick, p.control_period)
+        else:
+            height = bump_at(now.swing_progress, p.swing_height, (touchdown - lift_off) * p.control_period)
+        apex = p.swing_height * (new_touchdown - lift_off) / (touchdown - lift_off)
+        self._flight = retimed_flight(height, tick, new_touchdown, p.control_period, apex)
 
     def _first_that_works(self, candidates: tuple[Gait, ...], reference: Reference, time_left: TimeLeft) -> Plan | None:
         """Take the first gait whose plan keeps every margin, else the first that does not lead to a fall."""
@@ -240,12 +293,13 @@ class Simulation:
 
     def _fall_down(self, reason: str) -> None:
         """Stay where the robot is until a reset."""
-        self._why_fallen = reason
+        self._why_fallen, self._flight = reason, None
         self._com = CoMState.at_rest(self._com.position)
 
     def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None, gait: GaitState) -> Snapshot:
         stance = self._stance(gait)
         horizon = plan or self._gait.horizon(self._tick).stances
+        step_duration, next_step_duration = self._gait.step_durations(self._tick)
         return Snapshot(
             tick=self._tick,
             t=self._tick * self.parameters.control_period,
@@ -262,6 +316,8 @@ class Simulation:
             stance=stance,
             samples_on_support=horizon.samples_on_support,
             time_to_touchdown=gait.time_to_touchdown,
+            step_duration=step_duration,
+            next_step_duration=next_step_duration,
             steps_to_stand=gait.steps_to_stand,
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
@@ -292,6 +348,10 @@ class Simulation:
     def _swing_foot(self, foothold: Footstep, now: GaitState) -> None:
         """The foot in the air at the next tick."""
         p, side = self.parameters, now.support_side.other
+        if self._flight is None:
+            height = swing_height(now.next_swing_progress, p.swing_height)
+        else:
+            height, _, _ = self._flight.at(self._tick + 1, p.control_period)
         self._feet[side] = swing(
             self._feet[side],
             foothold,
@@ -299,13 +359,16 @@ class Simulation:
             tick=p.control_period,
             max_speed=self._max_foot_speed,
             support_yaw=self._feet[now.support_side].yaw,
-            height=swing_height(now.next_swing_progress, p.swing_height),
+            height=height,
         )
+        if self._flight is not None and self._flight.touchdown == self._tick + 1:
+            self._flight = None
 
     def _next_offset(self, plan: Plan, now: GaitState) -> Offset:
         p, side = self.parameters, now.support_side
         motion = Motion(
-            self._gait.timing,
+            p.sampling_period,
+            *self._gait.step_durations(self._tick),
             now.time_to_touchdown,
             p.swing_height,
             self._com,

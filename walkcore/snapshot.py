@@ -53,6 +53,10 @@ class Snapshot:
     """Samples of the horizon that the support foot carries alone."""
     time_to_touchdown: float
     """[s]."""
+    step_duration: float
+    """Duration of the step under way, or the first one to come [s]."""
+    next_step_duration: float
+    """Duration of the steps after it [s]."""
     steps_to_stand: int
     """Touchdowns until the feet stand side by side: 0 while they do for good, -1 if the walk goes on."""
     left_foot: FootState

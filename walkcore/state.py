@@ -1,16 +1,16 @@
 """The state of a walk between two ticks: a value that can be kept, sent, and walked on from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from walkcore.errors import InvalidValueError
 from walkcore.motion.dynamic_filter import Offset
-from walkcore.motion.swing_foot import FootState
+from walkcore.motion.swing_foot import Flight, FootState
 from walkcore.motion.whole_body import configuration_size
-from walkcore.mpc.gait import Gait, Timing
+from walkcore.mpc.gait import Gait, Retiming, Timing
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.stance import Side
 from walkcore.parameters import LIMITS, Parameters
@@ -20,6 +20,7 @@ from walkcore.values import Vector, check_keys, check_mapping, check_range, chec
 MAX_TICK = 10**9
 FARTHEST = 1e5  # [m] from the origin
 HIGHEST = 1.0  # [m] of a foot in the air
+MAX_SAMPLES = 64  # of a step
 MAX_PUSHES = 1000  # under way at once
 QUATERNION_TOLERANCE = 1e-6
 ROUNDING = 1e-9  # by which a push may exceed the strongest one
@@ -44,6 +45,8 @@ class SimulationState:
     tick: int
     """The coming tick."""
     gait: Gait
+    flight: Flight | None
+    """Height of the foot in the air, where its touchdown was moved."""
     left_foot: FootState
     right_foot: FootState
     com: CoMState
@@ -66,7 +69,9 @@ class SimulationState:
                 "start": None if self.gait.start is None else int(self.gait.start),
                 "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
                 "step_duration": self.gait.timing.step_duration,
+                "retiming": None if self.gait.retiming is None else asdict(self.gait.retiming),
             },
+            "flight": None if self.flight is None else asdict(self.flight),
             "com": _plain(self.com, COM),
             "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
             "right_foot": _plain(self.right_foot, FOOT) | {"height": float(self.right_foot.height)},
@@ -90,6 +95,9 @@ FOOT = {"pose": (3, FARTHEST), "velocity": (3, 1e3), "acceleration": (3, 1e5)}
 OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}  # the older name of its DCM, which saved sessions have
 
 
+FLIGHT = {"height": (0.0, HIGHEST), "velocity": (-1e2, 1e2), "acceleration": (-1e4, 1e4), "bump": (0.0, HIGHEST)}
+
+
 def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> SimulationState:
     """A state from the plain values of `SimulationState.to_mapping`.
 
@@ -101,13 +109,14 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
     Raises:
         InvalidValueError: naming the field, its value and its limit.
     """
-    values = _complete("initial_state", data, KEYS)
+    values = _complete("initial_state", {"flight": None} | check_mapping("initial_state", data), KEYS)
     tick = check_whole("initial_state.tick", values["tick"], 0, MAX_TICK)
     if not isinstance(values["why_fallen"], str):
         raise InvalidValueError("initial_state.why_fallen", values["why_fallen"], "must be text")
     return SimulationState(
         tick=tick,
         gait=_gait(values["gait"], None if values["why_fallen"] else tick, parameters),
+        flight=_flight(values["flight"], tick),
         left_foot=_foot("initial_state.left_foot", values["left_foot"]),
         right_foot=_foot("initial_state.right_foot", values["right_foot"]),
         com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
@@ -120,7 +129,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
 
 
 KEYS = (
-    *("tick", "gait", "left_foot", "right_foot", "com", "pushes"),
+    *("tick", "gait", "flight", "left_foot", "right_foot", "com", "pushes"),
     *("why_fallen", "com_offset", "q", "q_before"),
 )
 
@@ -156,7 +165,7 @@ def _foot(where: str, data: Any) -> FootState:
 def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     """The gait; at a tick it may not have ended, but for None, after a fall, from which on it stays as it was."""
     where = "initial_state.gait"
-    timing = {"step_duration": parameters.step_duration}
+    timing = {"step_duration": parameters.step_duration, "retiming": None}
     values = _complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
     sides = {side.name.lower(): side for side in Side}
     side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
@@ -168,10 +177,37 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
         check_whole(f"{where}.nb_steps", nb_steps, 1, MAX_TICK)
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
-    gait = Gait(_timing(parameters, values["step_duration"]), sides[side], start, nb_steps)
+    retiming = _retiming(values["retiming"], start, parameters)
+    gait = Gait(_timing(parameters, values["step_duration"]), sides[side], start, nb_steps, retiming)
     if tick is not None and gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait
+
+
+def _retiming(data: Any, start: Any, parameters: Parameters) -> Retiming | None:
+    where, per_sample = "initial_state.gait.retiming", parameters.timing.ticks_per_sample
+    if data is None:
+        return None
+    if start is None:
+        raise InvalidValueError(where, cast(object, data), "must be null where start is null")
+    values = _complete(where, data, ("offset", "first_step_ticks", "samples_per_step"))
+    return Retiming(
+        offset=check_whole(f"{where}.offset", values["offset"], 0, per_sample - 1),
+        first_step_ticks=check_whole(f"{where}.first_step_ticks", values["first_step_ticks"], per_sample + 1, MAX_TICK),
+        samples_per_step=check_whole(f"{where}.samples_per_step", values["samples_per_step"], 2, MAX_SAMPLES),
+    )
+
+
+def _flight(data: Any, tick: int) -> Flight | None:
+    where = "initial_state.flight"
+    if data is None:
+        return None
+    values = _complete(where, data, ("start", "touchdown", *FLIGHT))
+    return Flight(
+        start=check_whole(f"{where}.start", values["start"], 0, tick),
+        touchdown=check_whole(f"{where}.touchdown", values["touchdown"], tick + 1, MAX_TICK),
+        **{name: check_range(f"{where}.{name}", values[name], low, high) for name, (low, high) in FLIGHT.items()},
+    )
 
 
 def _timing(parameters: Parameters, step_duration: Any) -> Timing:

@@ -21,7 +21,7 @@ UNITS = (
     (r"q_[3-6]", ""),
     (r"q_[0-2]", "m"),
     (r"q_\d+", "rad"),
-    (r"(t|time_to_touchdown)", "s"),
+    (r"(t|time_to_touchdown|(next_)?step_duration)", "s"),
     (r"push_[xy]", "N s"),
     (r"reference_yaw_rate", "rad/s"),
     (r"(com|reference)_v[xy]", "m/s"),

@@ -12,10 +12,10 @@ from app.descriptions import descriptions
 from walkcore import Parameters, robot_names
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import DEPRECATED, SCHEMES
-from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS
+from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS, STEP_TIMINGS
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION
-from walkcore.state import COM, FARTHEST, FOOT, HIGHEST, MAX_PUSHES, MAX_TICK, OFFSET
+from walkcore.state import COM, FARTHEST, FLIGHT, FOOT, HIGHEST, KEYS, MAX_PUSHES, MAX_SAMPLES, MAX_TICK, OFFSET
 
 Json = dict[str, Any]
 
@@ -83,7 +83,7 @@ def _parameters() -> Json:
 
 
 def _parameter(name: str, description: str, default: Any) -> Json:
-    choices = {"scheme": (*SCHEMES, *DEPRECATED), "solver": tuple(SOLVERS)}
+    choices = {"scheme": (*SCHEMES, *DEPRECATED), "solver": tuple(SOLVERS), "step_timing": STEP_TIMINGS}
     if name in choices:
         return _choice(description, choices[name], default=default)
     if name == "com_height":
@@ -126,6 +126,18 @@ EVENT = _object(
     push=PUSH,
     parameters=PARAMETERS | {"description": "Parameters that change, from then on."},
 )
+RETIMING = _complete(
+    "Other durations than those of the parameters, chosen by adaptive step timing; null for none.",
+    offset=_whole("Ticks from the sample `start` to the beginning of the first step.", 0, MAX_TICK),
+    first_step_ticks=_whole("Duration of the first step in ticks.", 2, MAX_TICK),
+    samples_per_step=_whole("Samples that each step after it takes.", 2, MAX_SAMPLES),
+)
+FLIGHT_UNDER_WAY = _complete(
+    "Height of a foot whose touchdown was moved while it was in the air; null for none.",
+    start=_whole("Tick at which the touchdown was moved.", 0, MAX_TICK),
+    touchdown=_whole("Tick of the new one.", 0, MAX_TICK),
+    **{name: _number("At the start, in SI units.", low, high) for name, (low, high) in FLIGHT.items()},
+)
 GAIT = _object(
     "Position of the robot in its steps.",
     ("first_support", "start", "nb_steps"),
@@ -135,6 +147,7 @@ GAIT = _object(
     step_duration=_number(
         "Duration of the step under way [s]; if missing, that of the parameters.", *LIMITS["step_duration"]
     ),
+    retiming=_optional(RETIMING),
 )
 PUSH_UNDER_WAY = _complete(
     "Rest of a push that is under way.",
@@ -143,10 +156,12 @@ PUSH_UNDER_WAY = _complete(
 )
 HEIGHT = _number("Height of the sole above the ground [m].", 0.0, HIGHEST)
 CONFIGURATION = _list(_number(low=-FARTHEST, high=FARTHEST), "Pinocchio's order; null for a robot without a body.")
-STATE = _complete(
+STATE = _object(
     "State at which the walk begins, as a saved session has it; at rest at the origin if missing.",
+    tuple(key for key in KEYS if key != "flight"),
     tick=_whole("Ticks since the robot stood.", 0, MAX_TICK),
     gait=GAIT,
+    flight=_optional(FLIGHT_UNDER_WAY),
     left_foot=_complete("Left sole, in the world frame.", **_vectors(FOOT), height=HEIGHT),
     right_foot=_complete("Right sole, in the world frame.", **_vectors(FOOT), height=HEIGHT),
     com=_complete("Centre of mass, in the world frame.", **_vectors(COM)),

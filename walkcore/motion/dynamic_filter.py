@@ -25,7 +25,6 @@ from functools import lru_cache
 import numpy as np
 
 from walkcore.motion.swing_foot import FootState, standing, swing_accelerations
-from walkcore.mpc.gait import Timing
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.plan import Plan
 from walkcore.robot import SwingMoments
@@ -66,8 +65,12 @@ NO_OFFSET = Offset(frozen_copy(np.zeros(2)), frozen_copy(np.zeros(2)))
 class Motion:
     """The motion that is planned at one tick."""
 
-    timing: Timing
-    """Timing of the step under way."""
+    sampling_period: float
+    """T, and the duration of a double support [s]."""
+    step_duration: float
+    """Duration of the step under way [s]."""
+    next_step_duration: float
+    """Duration of each step after it [s]."""
     time_to_touchdown: float
     """[s]; NaN if no step is planned."""
     swing_height: float
@@ -92,23 +95,24 @@ def dcm_offset(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
 def _of_com(motion: Motion, omega: float) -> Vector:
     """Part of xi that the CoM's acceleration causes, if it moved the CoP by as many metres, shape (2,)."""
     plan = motion.plan
-    of_jerks = _weights_of_jerks(float(plan.times[0]), motion.timing.sampling_period, len(plan.times), omega)
+    of_jerks = _weights_of_jerks(float(plan.times[0]), motion.sampling_period, len(plan.times), omega)
     return _weights(omega).sum() * motion.com.acceleration + of_jerks @ plan.jerks
 
 
 def _of_swings(motion: Motion, moments: SwingMoments, omega: float) -> Vector:
     """Part of xi that the coming swings cause, shape (2,)."""
-    timing, landing = motion.timing, motion.time_to_touchdown
+    landing, step_duration = motion.time_to_touchdown, motion.step_duration
     xi = np.zeros(2)
     foot, waiting = motion.swing, motion.support
     for foothold in motion.plan.footholds:
-        lift_off = landing - (timing.step_duration - timing.sampling_period)
+        lift_off = landing - (step_duration - motion.sampling_period)
         of_motion, of_height = _weights_of_flight(lift_off, landing, omega)
         direction = np.array([math.cos(foothold.yaw), math.sin(foothold.yaw)])
         horizontal = of_motion @ [*foot.matrix[:, :2], foothold.position]
         xi += moments.foot * horizontal + moments.knee * motion.swing_height * of_height * direction
         foot, waiting = waiting, standing(foothold)
-        landing += timing.step_duration
+        step_duration = motion.next_step_duration
+        landing += step_duration
     return xi
 
 

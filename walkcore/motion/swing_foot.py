@@ -11,7 +11,7 @@ that it has planned, and no foot ever has to be faster.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import sub
 
@@ -71,6 +71,53 @@ class FootState:
         return float(self.matrix[0, 2])
 
 
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """Height of a sole whose touchdown was moved while it was in the air: a quintic to the ground, and a bump on it."""
+
+    start: int
+    """Tick at which the touchdown was moved."""
+    touchdown: int
+    """Tick of the new one."""
+    height: float
+    """At the start [m]."""
+    velocity: float
+    """At the start, upwards [m/s]."""
+    acceleration: float
+    """At the start, upwards [m/s^2]."""
+    bump: float
+    """Highest point of the bump [m]; zero for a foot that is on its way down."""
+
+    def at(self, tick: int, control_period: float) -> tuple[float, float, float]:
+        """Height [m], vertical velocity [m/s] and acceleration [m/s^2] at a tick.
+
+        Args:
+            tick: from the start to the touchdown.
+            control_period: duration of a tick [s].
+        """
+        T = (self.touchdown - self.start) * control_period
+        s = (tick - self.start) / (self.touchdown - self.start)
+        start = np.array([self.height, T * self.velocity, T**2 * self.acceleration, 0.0])
+        height, velocity, acceleration = (_derivatives(s) @ QUINTIC @ start / [1.0, T, T**2]).tolist()
+        bump = bump_at(s, self.bump, T)
+        return max(height + bump[0], 0.0), velocity + bump[1], acceleration + bump[2]
+
+
+def retimed_flight(now: tuple[float, float, float], tick: int, touchdown: int, period: float, apex: float) -> Flight:
+    """The flight of a foot whose touchdown is moved now, continuous in height, velocity and acceleration.
+
+    Args:
+        now: height [m], vertical velocity [m/s] and acceleration [m/s^2] of the foot.
+        tick: now.
+        touchdown: tick of the new one.
+        period: duration of a tick [s].
+        apex: that a foot on its way up still has to reach [m].
+    """
+    straight = Flight(tick, touchdown, *now, bump=0.0)
+    highest = max(straight.at(t, period)[0] for t in range(tick, touchdown + 1))
+    return replace(straight, bump=max(apex - highest, 0.0) if now[1] >= 0.0 else 0.0)
+
+
 def standing(foot: Footstep) -> FootState:
     """A foot at rest on the ground."""
     matrix = np.zeros((3, 3))
@@ -86,6 +133,24 @@ def swing_height(progress: float, apex: float) -> float:
         apex: highest point [m].
     """
     return apex * 64.0 * (progress * (1.0 - progress)) ** 3
+
+
+def bump_at(progress: float, apex: float, duration: float) -> tuple[float, float, float]:
+    """Height [m], vertical velocity [m/s] and acceleration [m/s^2] of the same bump.
+
+    Args:
+        progress: fraction of the single support that has passed.
+        apex: highest point [m].
+        duration: of the single support [s].
+    """
+    s, q = progress, progress * (1.0 - progress)
+    velocity = 3.0 * q**2 * (1.0 - 2.0 * s)
+    acceleration = 6.0 * s - 36.0 * s**2 + 60.0 * s**3 - 30.0 * s**4
+    return (
+        swing_height(progress, apex),
+        apex * 64.0 * velocity / duration,
+        apex * 64.0 * acceleration / duration**2,
+    )
 
 
 def swing(
@@ -154,14 +219,18 @@ def _one_tick(time_left: float, tick: float) -> Matrix:
     """Map from pose, velocity, acceleration and target to the first three one tick later, shape (3, 4)."""
     T, s = time_left, tick / time_left
     scale = np.array([1.0, T, T**2])
-    derivatives = np.array(
+    return frozen_copy(_derivatives(s) @ QUINTIC * [*scale, 1.0] / scale[:, None])
+
+
+def _derivatives(s: float) -> Matrix:
+    """The powers s^0 to s^5 and their first two derivatives, shape (3, 6)."""
+    return np.array(
         [
             [1.0, s, s**2, s**3, s**4, s**5],
             [0.0, 1.0, 2 * s, 3 * s**2, 4 * s**3, 5 * s**4],
             [0.0, 0.0, 2.0, 6 * s, 12 * s**2, 20 * s**3],
         ]
     )
-    return frozen_copy(derivatives @ QUINTIC * [*scale, 1.0] / scale[:, None])
 
 
 @lru_cache(maxsize=256)

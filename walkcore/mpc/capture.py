@@ -18,15 +18,32 @@ Koolen et al. 2012, "Capturability-based analysis and control of legged locomoti
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from walkcore.mpc.regions import HalfPlanes, foothold_vertices, inset_vertices, polygon
-from walkcore.mpc.stance import Side, mirrored
-from walkcore.values import Matrix
+from walkcore.mpc.regions import HalfPlanes, cut_vertices, foothold_vertices, inset_vertices, polygon
+from walkcore.mpc.stance import Side, convex_hull, mirrored
+from walkcore.values import Matrix, Vector
 
 ITERATIONS = 20  # of the fixed point; each shrinks the error by a b, about 15
+
+
+def strides(region: Matrix, max_foot_speed: Vector, timing: "StepTiming") -> Matrix:
+    """The part of the foothold region that a walk can use step after step, as fast as its feet are [m], shape (V, 2).
+
+    A foot flies over two strides, so that along x each takes half of the way (30). Across, one stride undoes the other.
+
+    Args:
+        region: of the left foot, in the right foot's frame [m], shape (V, 2).
+        max_foot_speed: along x and y of the support foot's frame [m/s], shape (2,).
+        timing: of the steps.
+    """
+    farthest, part = max_foot_speed[0] * timing.single_support / 2, convex_hull(region)
+    for along in (1.0, -1.0):
+        part = cut_vertices(part, np.array([along, 0.0]), farthest)
+    return part
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +80,10 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
     return {Side.RIGHT: on_right, Side.LEFT: mirrored(on_right)}
 
 
-def capture_polygons(
+def viable_vertices(
     sole: Matrix, margin: float, region: Matrix, timing: StepTiming, sampling_period: float
-) -> dict[Side, tuple[HalfPlanes, ...]]:
-    """Capturable states of the DCM in the frame of each support foot, by the samples left of its single support.
+) -> dict[Side, tuple[Matrix, ...]]:
+    """Viable states of the DCM in the frame of each support foot, by the samples left of its single support.
 
     Args:
         sole: outline of the left sole [m], shape (V, 2).
@@ -74,18 +91,40 @@ def capture_polygons(
         region: of the left foot, in the right foot's frame [m], shape (V, 2).
         timing: of the steps.
         sampling_period: [s].
+
+    Returns:
+        Vertices of the sets by side of the support foot [m], shapes (V, 2).
     """
-    inner = inset_vertices(sole, margin)
-    at_touchdown = capture_vertices(inner, region, timing)
+    return _viable_vertices(_plain(sole), margin, _plain(region), timing, sampling_period)
+
+
+Polygon = tuple[tuple[float, ...], ...]
+
+
+def _plain(vertices: Matrix) -> Polygon:
+    return tuple(map(tuple, vertices.tolist()))
+
+
+@lru_cache(maxsize=64)  # a change of other parameters during a walk asks for the same sets again
+def _viable_vertices(
+    sole: Polygon, margin: float, region: Polygon, timing: StepTiming, sampling_period: float
+) -> dict[Side, tuple[Matrix, ...]]:
+    inner = inset_vertices(np.array(sole), margin)
+    at_touchdown = capture_vertices(inner, np.array(region), timing)
     nb_samples = round(timing.single_support / sampling_period)
     growth = np.exp(timing.omega * sampling_period * np.arange(nb_samples + 1))
     return {
-        side: tuple(polygon(minkowski_sum(vertices / e, (1 - 1 / e) * own)) for e in growth)
+        side: tuple(minkowski_sum(vertices / e, (1 - 1 / e) * own) for e in growth)
         for side, vertices, own in (
             (Side.LEFT, at_touchdown[Side.LEFT], inner),
             (Side.RIGHT, at_touchdown[Side.RIGHT], mirrored(inner)),
         )
     }
+
+
+def viable_polygons(vertices: dict[Side, tuple[Matrix, ...]]) -> dict[Side, tuple[HalfPlanes, ...]]:
+    """The sets of `viable_vertices` by their edges."""
+    return {side: tuple(map(polygon, sets)) for side, sets in vertices.items()}
 
 
 def minkowski_sum(*sets: Matrix) -> Matrix:

@@ -125,6 +125,17 @@ class StanceSequence:
         """Stance of the last sample."""
         return self._sample(-1)
 
+    @cached_property
+    def sample_on_foothold(self) -> int | None:
+        """Index of the first sample on the next foothold; None if none stands on it, or the walk stops."""
+        found = np.flatnonzero(self.foot_of_sample == 1)
+        return None if self.is_stopping or not len(found) else int(found[0])
+
+    @cached_property
+    def first_on_foothold(self) -> "SampleStance | None":
+        """Stance of that sample."""
+        return None if self.sample_on_foothold is None else self._sample(self.sample_on_foothold)
+
     def _sample(self, n: int) -> "SampleStance":
         double_support = bool(self.is_double_support[n])
         return SampleStance(int(self.foot_of_sample[n]), double_support, int(self.samples_to_touchdown[n]))
@@ -148,7 +159,11 @@ class Horizon:
     """Number of ticks until the first sample; the others follow T apart."""
     time_to_touchdown: float
     """Time until the next touchdown [s]; NaN if none is planned."""
+    time_in_air: float
+    """Time that the foot which lands then has left in the air, or will have [s]; NaN if none is planned."""
     stances: StanceSequence
+    step_duration: float | None = None
+    """Duration of the steps after the one under way [s], where step timing chose it; None as the parameters say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +184,18 @@ class GaitState:
 
 
 @dataclass(frozen=True, slots=True)
+class Retiming:
+    """A step that lasts another time than the timing says, and those after it."""
+
+    offset: int
+    """Ticks from the sample `Gait.start` to the beginning of the first step."""
+    first_step_ticks: int
+    """Duration of the first step in ticks; samples lie on its touchdown, and T apart before and after it."""
+    samples_per_step: int
+    """Samples that each step after the first one takes."""
+
+
+@dataclass(frozen=True)  # no slots: what is derived is computed once
 class Gait:
     """A stand on both feet, alternating steps on the grid, and a stand again; either may last for ever."""
 
@@ -179,22 +206,51 @@ class Gait:
     """Sample at which the first step begins; None to stand."""
     nb_steps: int | None = None
     """Steps until the feet are side by side again; None to walk on."""
+    retiming: Retiming | None = None
+    """Other durations than those of the timing, chosen by adaptive step timing."""
+
+    @cached_property
+    def beginning(self) -> int:
+        """Tick at which the first step begins; 0 for a stand that lasts."""
+        offset = 0 if self.retiming is None else self.retiming.offset
+        return (self.start or 0) * self.timing.ticks_per_sample + offset
+
+    @cached_property
+    def first_touchdown(self) -> int:
+        """Tick at which the first step ends."""
+        retiming = self.retiming
+        return self.beginning + (self.timing.ticks_per_step if retiming is None else retiming.first_step_ticks)
+
+    @cached_property
+    def samples_per_step(self) -> int:
+        """Samples that each step after the first one takes."""
+        return self.timing.samples_per_step if self.retiming is None else self.retiming.samples_per_step
+
+    @cached_property
+    def ticks_per_step(self) -> int:
+        """Ticks that each step after the first one takes."""
+        return self.samples_per_step * self.timing.ticks_per_sample
 
     def step(self, tick: int) -> int:
         """Index of the step under way; -1 while standing."""
-        sample = tick // self.timing.ticks_per_sample
-        if self.start is None or sample < self.start:
+        if self.start is None or tick < self.beginning:
             return -1
-        return (sample - self.start) // self.timing.samples_per_step
+        return (tick - self.first_touchdown) // self.ticks_per_step + 1 if tick >= self.first_touchdown else 0
+
+    def step_ticks(self, tick: int) -> tuple[int, int]:
+        """Ticks at which the step under way, or the first one to come, begins and ends."""
+        step = max(self.step(tick), 0)
+        end = self.first_touchdown + step * self.ticks_per_step
+        return (end - self.ticks_per_step if step else self.beginning), end
 
     def at(self, tick: int) -> GaitState:
         """The state of the gait at a tick."""
         timing, step = self.timing, self.step(tick)
         if self.start is None:
             return GaitState(Phase.STANDING, self.first_support, math.nan, 0, 0.0, 0.0)
-        ticks_into_step = self._ticks_into_step(tick, max(step, 0))
-        swing_ticks = timing.ticks_per_step - timing.ticks_per_sample
-        ticks_in_air = ticks_into_step - timing.ticks_per_sample
+        begin, end = self.step_ticks(tick)
+        swing_ticks = end - begin - timing.ticks_per_sample
+        ticks_in_air = tick - begin - timing.ticks_per_sample
         if step < 0:
             phase = Phase.STANDING
         else:
@@ -202,7 +258,7 @@ class Gait:
         return GaitState(
             phase,
             self.support_side(tick),
-            time_to_touchdown=(timing.ticks_per_step - ticks_into_step) * timing.control_period,
+            time_to_touchdown=(end - tick) * timing.control_period,
             steps_to_stand=-1 if self.nb_steps is None else self.nb_steps - max(step, 0),
             swing_progress=max(ticks_in_air, 0) / swing_ticks,
             next_swing_progress=max(ticks_in_air + 1, 0) / swing_ticks,
@@ -212,9 +268,13 @@ class Gait:
         """The foot that carries the robot; while standing, the one that will carry the first step."""
         return self.first_support.other if max(self.step(tick), 0) % 2 else self.first_support
 
-    def _ticks_into_step(self, tick: int, step: int) -> int:
-        timing = self.timing
-        return tick - ((self.start or 0) + step * timing.samples_per_step) * timing.ticks_per_sample
+    def step_durations(self, tick: int) -> tuple[float, float]:
+        """Durations of the step under way, or the first one to come, and of those after it [s]."""
+        if self.retiming is None:
+            return self.timing.step_duration, self.timing.step_duration
+        begin, end = self.step_ticks(tick)
+        period = self.timing.control_period
+        return (end - begin) * period, self.ticks_per_step * period
 
     def has_ended(self, tick: int) -> bool:
         """Whether the last step of a stop is over."""
@@ -222,17 +282,24 @@ class Gait:
 
     def horizon(self, tick: int) -> Horizon:
         """The stances of the N samples that follow `tick`."""
-        timing = self.timing
-        present, ticks_into_sample = divmod(tick, timing.ticks_per_sample)
-        ticks_to_sample = timing.ticks_per_sample - ticks_into_sample
+        timing, per_sample = self.timing, self.timing.ticks_per_sample
         if self.start is None:  # a stand that lasts: that of a walk which begins with the last sample, or later
-            return Horizon(ticks_to_sample, math.nan, _stances(timing, -timing.nb_samples, None))
-        step = max(self.step(tick), 0)
-        samples_into_step = present - self.start - step * timing.samples_per_step
-        steps_left = None if self.nb_steps is None else self.nb_steps - step
-        ticks_left = timing.ticks_per_step - self._ticks_into_step(tick, step)
-        stances = _stances(timing, samples_into_step, steps_left)
-        return Horizon(ticks_to_sample, ticks_left * timing.control_period, stances)
+            stances = _stances(
+                timing.nb_samples, timing.samples_per_step, timing.samples_per_step, -timing.nb_samples, None
+            )
+            return Horizon(per_sample - tick % per_sample, math.nan, math.nan, stances)
+        begin, end = self.step_ticks(tick)
+        steps_left = None if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
+        samples_of_step = -(-(end - begin) // per_sample)
+        present = samples_of_step - -(-(end - tick) // per_sample)
+        stances = _stances(timing.nb_samples, samples_of_step, self.samples_per_step, present, steps_left)
+        return Horizon(
+            ticks_to_sample=(end - tick - 1) % per_sample + 1,
+            time_to_touchdown=(end - tick) * timing.control_period,
+            time_in_air=min(end - tick, end - begin - per_sample) * timing.control_period,
+            stances=stances,
+            step_duration=None if self.retiming is None else round(self.samples_per_step * timing.sampling_period, 9),
+        )
 
     def with_timing(self, timing: Timing, tick: int) -> "Gait":
         """The same gait with another timing; the step under way at a tick keeps its duration."""
@@ -242,11 +309,35 @@ class Gait:
 
     def at_next_step(self, timing: Timing, tick: int) -> "Gait":
         """The same gait with another timing where a step begins at a tick, else itself."""
-        step = self.step(tick)
-        if step < 0 or self.timing == timing or self._ticks_into_step(tick, step) != 0:
+        if self.step(tick) < 0 or self.timing == timing or self.step_ticks(tick)[0] != tick:
             return self
-        start, steps_left = tick // timing.ticks_per_sample, self.nb_steps and self.nb_steps - step
-        return Gait(timing, self.support_side(tick), start, steps_left)
+        return self._from_step(timing, tick, tick, tick + timing.ticks_per_step, timing.samples_per_step)
+
+    def retimed(self, tick: int, touchdown: int, samples_per_step: int, support: Side | None = None) -> "Gait":
+        """The same walk, going on for ever, with other durations of the step under way and of those after it.
+
+        Args:
+            tick: now; a robot that stands begins its step here.
+            touchdown: tick of the touchdown that ends the step under way.
+            samples_per_step: samples that each step after it takes.
+            support: foot that carries the step under way; by default that of this gait.
+        """
+        begin = tick if self.step(tick) < 0 else self.step_ticks(tick)[0]
+        gait = replace(self, nb_steps=None)
+        return gait._from_step(self.timing, tick, begin, touchdown, samples_per_step, support)
+
+    def _from_step(
+        self, timing: Timing, tick: int, begin: int, end: int, samples_per_step: int, support: Side | None = None
+    ) -> "Gait":
+        """The same gait, counted from the step under way, which begins and ends at these ticks."""
+        start, offset = divmod(begin, timing.ticks_per_sample)
+        steps_left = self.nb_steps and self.nb_steps - max(self.step(tick), 0)
+        side = self.support_side(tick) if support is None else support
+        as_scheduled = (
+            offset == 0 and end - begin == timing.ticks_per_step and samples_per_step == timing.samples_per_step
+        )
+        retiming = None if as_scheduled else Retiming(offset, end - begin, samples_per_step)
+        return Gait(timing, side, start, steps_left, retiming)
 
     def candidates(self, tick: int, walks: bool, first_support: Side) -> "tuple[Gait, ...]":
         """The gaits that may follow from a tick on, the preferred one first.
@@ -271,21 +362,26 @@ class Gait:
         return (stop, walk_on)
 
 
-@lru_cache(maxsize=64)  # a step has eight of them, a start and a stop as many each
-def _stances(timing: Timing, present: int, steps_left: int | None) -> StanceSequence:
+@lru_cache(maxsize=1024)  # a walk on schedule has eight of them, a start and a stop as many each
+def _stances(
+    nb_samples: int, samples_of_step: int, samples_per_step: int, present: int, steps_left: int | None
+) -> StanceSequence:
     """The stances of a walk's horizon.
 
     Args:
-        timing: for N and the samples of a step.
+        nb_samples: N.
+        samples_of_step: samples of the step under way, or the first one to come.
+        samples_per_step: samples of each step after it.
         present: sample of the present, counted from the beginning of the step; negative before the first one.
         steps_left: until the feet are side by side again, the one under way included; None to walk on.
     """
-    samples = np.arange(present + 1, present + timing.nb_samples + 1)
-    step = np.maximum((samples - 1) // timing.samples_per_step, 0)
+    samples = np.arange(present + 1, present + nb_samples + 1)
+    beyond = samples - samples_of_step  # counted from the touchdown
+    step = np.maximum((beyond - 1) // samples_per_step + 1, 0)
     last_step = step[-1] if steps_left is None else steps_left - 1
     return StanceSequence(
         foot_of_sample=np.minimum(step, last_step),
         is_double_support=(samples <= 0) | (step > last_step),
         is_stopping=bool(step[-1] > last_step),
-        samples_to_touchdown=-samples % timing.samples_per_step,
+        samples_to_touchdown=np.where(beyond <= 0, -beyond, -beyond % samples_per_step),
     )

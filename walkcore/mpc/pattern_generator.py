@@ -16,11 +16,12 @@ from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
 from walkcore.mpc.supports import CaptureSets, SupportGeometry, Supports, WalkingProblem
-from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, walking_qp
+from walkcore.mpc.viability import Landings, ViableSets
+from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
-from walkcore.values import Matrix, Vector, freeze
+from walkcore.values import Matrix, Vector, freeze, rotation
 
 CAPTURE_TOLERANCE = 1e-6  # [m]
 MAX_PHASES = 1024  # a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
@@ -47,6 +48,9 @@ class PatternGenerator:
         self._robot, self._stages = robot, stages
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
         self._geometry = SupportGeometry(robot, p, sets)
+        self._viable_sets = ViableSets(
+            robot, p.cop_margin, (p.step_duration,), p.double_support_duration, self.pendulum.omega
+        )
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
@@ -70,16 +74,48 @@ class PatternGenerator:
             OutOfTimeError: if the time is over before a plan is found.
         """
         walking = self._build(problem)
+        plan = self._viable_plan(walking, problem, time_left)
+        return plan or self._relaxed_plan(walking, problem, time_left)
+
+    def viable_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan | None:
+        """The plan of the paper's QP, if it has a solution that does not lead to a fall.
+
+        Args:
+            problem: of this tick.
+            time_left: for the decision [s].
+
+        Raises:
+            OutOfTimeError: if the time is over.
+        """
+        return self._viable_plan(self._build(problem), problem, time_left)
+
+    def recovering_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan | None:
+        """The plan of the paper's QP, if steps that use part of their regions suffice from the next foothold on.
+
+        Args:
+            problem: of this tick.
+            time_left: for the decision [s].
+
+        Raises:
+            OutOfTimeError: if the time is over.
+        """
+        walking = self._build(problem)
+        plan = self._viable_plan(walking, problem, time_left)
+        sample, tight = problem.horizon.stances.sample_on_foothold, walking.supports.viable_on_foothold_tight
+        if plan is None or sample is None or tight is None:
+            return plan
+        return plan if tight.excess(plan.dcm[sample] - plan.footholds[0].position) < CAPTURE_TOLERANCE else None
+
+    def _viable_plan(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan | None:
         try:
             solution = self._solver.solve(walking.qp, self._stages, time_left)
         except NoSolutionFoundError:
-            return self._plan_relaxed(walking, problem, time_left)
+            return None
         decision = walking.preview.layout.split(solution.u)
         plan = self._read(walking, problem, decision, solution.multipliers, Status.SOLVED)
-        if self._are_footholds_free and not _is_viable(plan, walking.supports, problem.horizon.stances):
-            return self._plan_relaxed(walking, problem, time_left)
+        is_viable = not self._are_footholds_free or self._is_viable(plan, walking.supports, problem)
         self._stages.lap("check")
-        return plan
+        return plan if is_viable else None
 
     def continued(self, last: Plan, problem: WalkingProblem) -> Plan:
         """The plan of the tick before, from the CoM state of this one: its jerks and footholds, nothing is solved.
@@ -104,13 +140,48 @@ class PatternGenerator:
         plan = self._read(walking, problem, (jerks, positions), nothing_active, Status.RELAXED)
         return replace(plan, is_capturable=last.is_capturable, is_continued=True)
 
-    def _plan_relaxed(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan:
-        """The plan of the relaxed QP.
+    def corrected_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan | None:
+        """The plan of the paper's QP with one more set of rows: on the next foothold the DCM is viable.
+
+        Args:
+            problem: of this tick.
+            time_left: for the decision [s].
+
+        Returns:
+            None if that has no solution, or no foothold lies within the horizon.
 
         Raises:
-            NoSolutionFoundError: if that is not feasible either.
             OutOfTimeError: if the time is over.
         """
+        walking = self._within_flight(self._build(problem), problem)
+        qp = viable_qp(walking)
+        if qp is None:
+            return None
+        try:
+            solution = self._solver.solve(qp, self._stages, time_left)
+        except NoSolutionFoundError:
+            return None
+        decision = walking.preview.layout.split(solution.u)
+        multipliers = solution.multipliers[: len(walking.point_of_row)]
+        plan = self._read(walking, problem, decision, multipliers, Status.RELAXED)
+        self._stages.lap("check")
+        return plan
+
+    def relaxed_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan:
+        """The plan of the relaxed QP.
+
+        Args:
+            problem: of this tick.
+            time_left: for the decision [s].
+
+        Raises:
+            NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
+            OutOfTimeError: if the time is over.
+        """
+        return self._relaxed_plan(self._build(problem), problem, time_left)
+
+    def _relaxed_plan(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan:
+        walking = self._within_flight(walking, problem)
         relaxed = relaxed_qp(walking, self._parameters.cop_margin)
         solution = self._relaxed_solver.solve(relaxed.qp, self._stages, time_left)
         multipliers = relaxed.row_multipliers(solution.multipliers)[: len(walking.point_of_row)]
@@ -119,6 +190,57 @@ class PatternGenerator:
         excess = walking.supports.terminal_set.excess(plan.dcm[-1] - _centre(plan, problem.horizon.stances.last))
         self._stages.lap("check")
         return replace(plan, is_capturable=excess < CAPTURE_TOLERANCE)
+
+    def _within_flight(self, walking: WalkingQP, problem: WalkingProblem) -> WalkingQP:
+        """The same QP, in which the rest of a double support does not count as flight (30)."""
+        horizon = problem.horizon
+        waiting = horizon.time_to_touchdown - horizon.time_in_air
+        return walking.with_less_reach(self._geometry.reach(waiting)) if waiting > 0.0 else walking
+
+    def _is_viable(self, plan: Plan, supports: Supports, problem: WalkingProblem) -> bool:
+        """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
+
+        Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
+        """
+        stances = problem.horizon.stances
+        viable = supports.viable_at_next_sample
+        if viable is not None and viable.excess(plan.dcm[0] - _centre(plan, stances.first)) >= CAPTURE_TOLERANCE:
+            return False
+        if not self._flies_in_time(plan, problem):
+            return False
+        if supports.stopping_offset is not None:
+            return supports.terminal_set_tight.excess(plan.dcm[-1] - _centre(plan, stances.last)) < CAPTURE_TOLERANCE
+        sample, viable = stances.sample_on_foothold, supports.viable_on_foothold
+        if sample is None or viable is None:
+            return True
+        excess = viable.excess(plan.dcm[sample] - plan.footholds[0].position)
+        return excess < CAPTURE_TOLERANCE or self._is_viable_in_flight(plan, problem)
+
+    def _is_viable_in_flight(self, plan: Plan, problem: WalkingProblem) -> bool:
+        """Whether steps can catch the robot one sample from now, the first one no farther than the foot can fly."""
+        horizon, first = problem.horizon, problem.horizon.stances.first
+        if first.is_double_support:
+            return True
+        landing = Landings(
+            to_sample=np.zeros(1),
+            to_touchdown=np.array([first.samples_to_touchdown * self._parameters.sampling_period]),
+            in_air=np.array([horizon.time_in_air]),
+        )
+        yaw = plan.footholds[0].yaw
+        margins = self._viable_sets.margins(problem.support, problem.swing, yaw, plan.dcm[0], plan.cop[0], landing)
+        return bool(margins[0, 0] > -CAPTURE_TOLERANCE)
+
+    def _flies_in_time(self, plan: Plan, problem: WalkingProblem) -> bool:
+        """Whether the foot gets to its foothold in the time that it has in the air: (30) allows it more."""
+        horizon = problem.horizon
+        if not horizon.time_in_air < horizon.time_to_touchdown or not plan.footholds:
+            return True
+        flight = (plan.footholds[0].position - problem.swing.position) @ rotation(problem.support.yaw)
+        return bool(np.all(np.abs(flight) < self._geometry.reach(horizon.time_in_air) + CAPTURE_TOLERANCE))
+
+    def next_yaw(self, problem: WalkingProblem) -> float:
+        """Yaw of the next foothold [rad]."""
+        return self._geometry.next_yaw(problem)
 
     def qp(self, problem: WalkingProblem) -> QP:
         """The paper's QP that `plan` solves first."""
@@ -184,19 +306,6 @@ class PatternGenerator:
             return tuple(single)
         both = (feet[-1], feet[-2]) if stances.is_stopping else (problem.support, problem.swing)
         return (*single, Stance(both, sole))
-
-
-def _is_viable(plan: Plan, supports: Supports, stances: StanceSequence) -> bool:
-    """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
-
-    Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
-    """
-    viable = supports.viable_at_next_sample
-    if viable is not None and viable.excess(plan.dcm[0] - _centre(plan, stances.first)) >= CAPTURE_TOLERANCE:
-        return False
-    if supports.stopping_offset is None:
-        return True
-    return supports.terminal_set_tight.excess(plan.dcm[-1] - _centre(plan, stances.last)) < CAPTURE_TOLERANCE
 
 
 def _centre(plan: Plan, sample: SampleStance) -> Vector:

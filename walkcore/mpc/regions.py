@@ -145,6 +145,24 @@ def closest_band(bands: Sequence[tuple[float, float]], yaw: float) -> int:
     return min(range(len(bands)), key=lambda i: max(bands[i][0] - yaw, yaw - bands[i][1]))
 
 
+def cut_vertices(vertices: Matrix, normal: Vector, bound: float) -> Matrix:
+    """Corners of the part of a convex polygon with normal . p <= bound, shape (V, 2).
+
+    Args:
+        vertices: in their order [m], shape (V, 2).
+        normal: shape (2,).
+        bound: [m].
+    """
+    excess = vertices @ normal - bound
+    corners: list[Vector] = []
+    for p, q, a, b in zip(vertices, np.roll(vertices, -1, axis=0), excess, np.roll(excess, -1), strict=True):
+        if a <= 0.0:
+            corners.append(p)
+        if a * b < 0.0:
+            corners.append(p + a / (a - b) * (q - p))
+    return np.array(corners).reshape(-1, 2)
+
+
 def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
     """The foothold region of a landing foot in the frame of the support foot, shape (V, 2) [m].
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from walkcore.cache import instance_cache
 from walkcore.command import Reference
-from walkcore.mpc.capture import StepTiming, capture_polygons
+from walkcore.mpc.capture import StepTiming, strides, viable_polygons, viable_vertices
 from walkcore.mpc.gait import Horizon, SampleStance, StanceSequence
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.orientation import Turn, foothold_yaws
@@ -64,9 +64,17 @@ class Supports:
     """Region of each foothold in the frame of its predecessor [m], shapes (V, 2)."""
     to_middle: Vector
     """Offset from the foot to the middle of both, where they carry samples side by side [m], shape (2,)."""
+    later_flight: HalfPlanes | None
+    """Each foothold after the next one, around the foot that flies there, which stands until then; None where that foot
+    has the usual time."""
     viable_at_next_sample: HalfPlanes | None
     """States of the DCM at the first sample, around the centre of its stance, from which steps that keep all margins
     catch the robot; None where a stand turns into a walk or a walk into a stand."""
+    viable_on_foothold: HalfPlanes | None
+    """States of the DCM at the first sample on the next foothold, around it, from which steps catch the robot; None
+    where no sample stands on it, or it is part of a stop."""
+    viable_on_foothold_tight: HalfPlanes | None
+    """The same for steps that use part of their regions only."""
     terminal_set_tight: HalfPlanes
     """States of the DCM at the last sample from which steps within all margins and part of their regions catch it."""
     terminal_set: HalfPlanes
@@ -93,7 +101,7 @@ class Supports:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CaptureSets:
-    """Capturable states of the DCM, each as `capture_polygons` has them; they take most of the time of a change."""
+    """Capturable states of the DCM, each as `viable_polygons` has them; they take most of the time of a change."""
 
     viable: Mapping[Side, tuple[HalfPlanes, ...]]
     """By steps that keep all margins."""
@@ -103,27 +111,31 @@ class CaptureSets:
     """By steps that use the whole soles."""
 
 
-def capture_sets(robot: Robot, parameters: Parameters) -> CaptureSets:
+def capture_sets(robot: Robot, parameters: Parameters, step_duration: float | None = None) -> CaptureSets:
     """The capturable states of a robot with some parameters; the same object where these decide the same.
+
+    Args:
+        robot: whose soles, regions and foot speed count.
+        parameters: with margin and timing.
+        step_duration: of the coming steps [s]; by default that of the parameters.
 
     Raises:
         EmptyRegionError: if the margin leaves nothing of the sole.
     """
     p = parameters
     height = robot.com_height if p.com_height is None else p.com_height
-    single_support = p.step_duration - p.double_support_duration
+    single_support = (p.step_duration if step_duration is None else step_duration) - p.double_support_duration
     timing = StepTiming(p.double_support_duration, single_support, Pendulum(height, p.gravity).omega)
     return _capture_sets(robot, p.cop_margin, timing, p.sampling_period)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)  # adaptive step timing has four durations of the coming steps
 def _capture_sets(robot: Robot, margin: float, timing: StepTiming, sampling_period: float) -> CaptureSets:
-    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
-    part_of_region = middle + TIGHTENING * (region - middle)
+    region, part = (strides(r, robot.max_foot_speed, timing) for r in (robot.foothold_region, part_of_region(robot)))
     return CaptureSets(
         *(
-            capture_polygons(robot.sole, margin, vertices, timing, sampling_period)
-            for margin, vertices in ((margin, region), (margin, part_of_region), (0.0, region))
+            viable_polygons(viable_vertices(robot.sole, margin, vertices, timing, sampling_period))
+            for margin, vertices in ((margin, region), (margin, part), (0.0, region))
         )
     )
 
@@ -174,6 +186,11 @@ class SupportGeometry:
         self._sets = capture_sets(robot, p) if sets is None else sets
         self._supports = instance_cache(self._compute_supports, MAX_SUPPORTS)
 
+    def _sets_for(self, step_duration: float) -> CaptureSets:
+        """The sets for the DCM, if the coming steps take some time [s]."""
+        p = self._parameters
+        return self._sets if step_duration == p.step_duration else capture_sets(self._robot, p, step_duration)
+
     def supports(self, problem: WalkingProblem) -> Supports:
         """The polygons around the centres of one tick."""
         support, swing, stances = problem.support, problem.swing, problem.horizon.stances
@@ -183,15 +200,16 @@ class SupportGeometry:
         if stances.has_double_support and not stances.is_stopping:  # where the feet are now
             (x, y), (support_x, support_y) = swing.position.tolist(), support.position.tolist()
             other = x - support_x, y - support_y, swing.yaw
-        return self._supports(feet, stances, other)
+        step_duration = problem.horizon.step_duration or self._parameters.step_duration
+        return self._supports(feet, stances, other, step_duration)
 
-    def reach(self, time_to_touchdown: float) -> Vector:
-        """Distance that a foot can fly, along x and y of the support foot's frame (30) [m], shape (2,).
+    def reach(self, duration: float) -> Vector:
+        """Distance that a foot can fly in some time, along x and y of the support foot's frame (30) [m], shape (2,).
 
         Args:
-            time_to_touchdown: [s].
+            duration: [s].
         """
-        return time_to_touchdown * self._robot.max_foot_speed
+        return duration * self._robot.max_foot_speed
 
     def planned_footholds(self, problem: WalkingProblem, supports: Supports) -> Matrix:
         """Footholds that follow the reference velocity, as far as their regions allow [m], shape (m, 2)."""
@@ -207,18 +225,28 @@ class SupportGeometry:
             positions.append(position)
         return np.array(positions).reshape(-1, 2)
 
-    def _turn(self, problem: WalkingProblem) -> Turn:
-        reach = problem.horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
-        return Turn(problem.reference.yaw_rate, self._parameters.step_duration, reach)
+    def next_yaw(self, problem: WalkingProblem) -> float:
+        """Yaw of the next foothold [rad]."""
+        return foothold_yaws(problem.support, problem.swing, self._turn(problem), 1)[0]
 
-    def _compute_supports(self, feet: Feet, stances: StanceSequence, other: OtherFoot | None) -> Supports:
+    def _turn(self, problem: WalkingProblem) -> Turn:
+        horizon = problem.horizon
+        reach = horizon.time_to_touchdown * self._robot.max_foot_yaw_rate
+        step_duration = horizon.step_duration or self._parameters.step_duration
+        return Turn(problem.reference.yaw_rate, step_duration, reach)
+
+    def _compute_supports(
+        self, feet: Feet, stances: StanceSequence, other: OtherFoot | None, step_duration: float
+    ) -> Supports:
         """The polygons of a horizon.
 
         Args:
             feet: support foot and footholds, by the numbers of `foot_of_sample`.
             stances: of the samples.
             other: where the horizon begins with a double support.
+            step_duration: of the coming steps [s].
         """
+        sets = self._sets_for(step_duration)
         (_, support_yaw), (last_side, last_yaw) = feet[0], feet[-1]
         sides, yaws = tuple(side for side, _ in feet[1:]), tuple(yaw for _, yaw in feet[1:])
         stopping_offset = None
@@ -229,15 +257,19 @@ class SupportGeometry:
         bands = [closest_band(self._bands, (yaws[k] - before[k]) * side.sign) for k, side in enumerate(sides)]
         are_free = self._parameters.formulation.footholds is not Footholds.PLANNED
         regions = [self._regions[side][bands[k]].rotated(before[k]) for k, (side, _) in enumerate(feet[1:])]
+        on_foothold = stances.first_on_foothold
         supports = Supports(
             cop_polygons=tuple(self._soles[side].rotated(yaw) for side, yaw in feet),
             foothold_regions=tuple(regions) if are_free else (),
             flight=POINT.rotated(support_yaw),
             region_vertices=tuple(self._region_vertices[side][band] for side, band in zip(sides, bands, strict=True)),
             to_middle=NOWHERE,
-            viable_at_next_sample=_viable(self._sets.viable, stances.first, feet),
-            terminal_set_tight=_viable(self._sets.tight, stances.last, feet),
-            terminal_set=_viable(self._sets.on_whole_soles, stances.last, feet),
+            later_flight=self._later_flight(step_duration, support_yaw),
+            viable_at_next_sample=_viable(sets.viable, stances.first, feet),
+            viable_on_foothold=None if on_foothold is None else _viable(sets.viable, on_foothold, feet),
+            viable_on_foothold_tight=None if on_foothold is None else _viable(sets.tight, on_foothold, feet),
+            terminal_set_tight=_viable(sets.tight, stances.last, feet),
+            terminal_set=_viable(sets.on_whole_soles, stances.last, feet),
             sides=sides,
             yaws=yaws,
             stopping_offset=stopping_offset,
@@ -246,6 +278,12 @@ class SupportGeometry:
             x, y = stopping_offset.tolist()
             return self._with_double_support(supports, stances, last_side, last_yaw, (x, y, last_yaw))
         return supports if other is None else self._with_double_support(supports, stances, *feet[0], other)
+
+    def _later_flight(self, step_duration: float, yaw: float) -> HalfPlanes | None:
+        p = self._parameters
+        if step_duration >= p.step_duration:
+            return None
+        return box(self.reach(step_duration - p.double_support_duration)).rotated(yaw)
 
     def _with_double_support(
         self, supports: Supports, stances: StanceSequence, side: Side, yaw: float, other: OtherFoot
@@ -270,6 +308,12 @@ class SupportGeometry:
             terminal_set_tight=inner if ends_on_both else supports.terminal_set_tight,
             terminal_set=both if ends_on_both else supports.terminal_set,
         )
+
+
+def part_of_region(robot: Robot) -> Matrix:
+    """The part of the foothold region that a plan which had to be corrected may count on later [m], shape (V, 2)."""
+    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
+    return middle + TIGHTENING * (region - middle)
 
 
 def _viable(sets: Mapping[Side, tuple[HalfPlanes, ...]], sample: SampleStance, feet: Feet) -> HalfPlanes:

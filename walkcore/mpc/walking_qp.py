@@ -8,15 +8,18 @@
 Where it has no solution, or leads to a fall, the relaxed QP takes its place: our addition.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from walkcore.mpc.constraints import Constraints, constrained_points, polygon_of_point
+from walkcore.mpc.constraints import ConstraintRows, Constraints, constrained_points, polygon_of_point
 from walkcore.mpc.objective import objective
-from walkcore.mpc.preview import Preview, QPInputs
+from walkcore.mpc.preview import FOOTHOLD_SCALE, SUPPORT, Preview, QPInputs
 from walkcore.mpc.qp import QP
+from walkcore.mpc.regions import HalfPlanes
 from walkcore.mpc.supports import Supports
 from walkcore.parameters import Parameters
 from walkcore.values import Matrix, Vector
@@ -51,6 +54,16 @@ class WalkingQP:
     """Number of the point that each row keeps, see `constrained_points`, shape (r,)."""
     normal_of_row: Matrix
     """Normal of the edge that each row keeps it behind, shape (r, 2)."""
+
+    def with_less_reach(self, less: Vector) -> "WalkingQP":
+        """The same, with less reach of the foot in the air than (30) gives it, by some distance [m], shape (2,)."""
+        if not self.supports.foothold_regions:
+            return self
+        qp = self.qp
+        lower, upper = qp.lower.copy(), qp.upper.copy()
+        lower[-2:] += less
+        upper[-2:] -= less
+        return replace(self, qp=QP(qp.P, qp.q, qp.G, lower, upper))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +123,66 @@ def walking_qp(phase: PhaseMatrices, supports: Supports, reach: Vector, inputs: 
     return WalkingQP(qp, phase.preview, supports, k, phase.constraints.point, rows.normals)
 
 
+def viable_qp(walking: WalkingQP) -> QP | None:
+    """The same QP with rows behind its own: at the first sample on the next foothold the DCM is viable.
+
+    By steps that use part of their regions only: at the edge of what is viable the robot would never recover.
+
+    Returns:
+        None if no sample stands on the next foothold.
+    """
+    sample, viable = walking.preview.stances.sample_on_foothold, walking.supports.viable_on_foothold_tight
+    if sample is None or viable is None:
+        return None
+    return _with_rows(walking.qp, _rows_of_dcm(walking, sample, viable), *_rows_of_later_flights(walking))
+
+
+def _with_rows(qp: QP, *blocks: ConstraintRows) -> QP:
+    """The same QP with more rows behind its own."""
+    G, lower, upper = (
+        np.concatenate([own, *(getattr(block, name) for block in blocks)])
+        for own, name in ((qp.G, "G"), (qp.lower, "lower"), (qp.upper, "upper"))
+    )
+    return QP(qp.P, qp.q, G, lower, upper)
+
+
+def _rows_of_later_flights(walking: WalkingQP) -> Iterator[ConstraintRows]:
+    """Rows that keep each foothold after the next one where the foot that stands two steps before can fly in time."""
+    reachable, m = walking.supports.later_flight, walking.preview.layout.nb_free_footholds
+    if reachable is None or m < 2:
+        return
+    N, flights = walking.preview.lipm.nb_samples, walking.preview.zeros(m - 1)
+    flights.D[:, N:] = FOOTHOLD_SCALE * (np.eye(m - 1, m, 1) - np.eye(m - 1, m, -1))
+    flights.K[0, SUPPORT] = -1.0
+    kept_by = np.zeros(m - 1, dtype=np.int64)
+    yield Constraints(flights, kept_by, (len(reachable.lower),)).rows(reachable, walking.inputs)
+
+
+def _rows_of_dcm(walking: WalkingQP, sample: int, polygon: HalfPlanes) -> ConstraintRows:
+    """Rows that keep the DCM of a sample, as seen from its stance, in a polygon."""
+    return _constraints_of_dcm(walking.preview, sample, len(polygon.lower)).rows(polygon, walking.inputs)
+
+
+@lru_cache(maxsize=256)  # the ticks between two samples have the same, and so have the steps of a walk
+def _constraints_of_dcm(preview: Preview, sample: int, nb_edges: int) -> Constraints:
+    lipm = preview.lipm
+    dcm = preview.beside_stance(lipm.Pds, lipm.Pdu, slice(sample, sample + 1))
+    return Constraints(dcm, np.zeros(1, dtype=np.int64), (nb_edges,))
+
+
+def _soft_terminal_set(walking: WalkingQP) -> tuple[int, HalfPlanes]:
+    """The sample whose DCM the relaxed QP brings as near to a set as it can, and that set.
+
+    It is the last sample, or the first one on the next foothold where steps are short: a horizon of many steps would
+    put the recovery off from step to step.
+    """
+    stances, supports = walking.preview.stances, walking.supports
+    sample, tight = stances.sample_on_foothold, supports.viable_on_foothold_tight
+    if supports.later_flight is None or sample is None or tight is None:
+        return walking.preview.lipm.nb_samples - 1, supports.terminal_set_tight
+    return sample, tight
+
+
 def relaxed_qp(walking: WalkingQP, margin: float) -> RelaxedQP:
     """The same QP, made to stay up: margins may be given up, and the plan ends as near to a terminal set as it can.
 
@@ -121,37 +194,41 @@ def relaxed_qp(walking: WalkingQP, margin: float) -> RelaxedQP:
         margin: of the CoP, that there is to give up [m].
     """
     problem, lipm = walking.qp, walking.preview.lipm
-    dcm = walking.preview.beside_stance(lipm.Pds, lipm.Pdu, slice(-1, None))
-    end = walking.supports.terminal_set_tight
-    terminal = Constraints(dcm, np.zeros(1, dtype=np.int64), (len(end.lower),)).rows(end, walking.inputs)
-    G, lower, upper = (
-        np.concatenate(both)
-        for both in (
-            (problem.G, terminal.G),
-            (problem.lower, terminal.lower),
-            (problem.upper, terminal.upper),
-        )
-    )
+    terminal = _rows_of_dcm(walking, *_soft_terminal_set(walking))
+    flights = tuple(_rows_of_later_flights(walking))
+    problem = _with_rows(problem, terminal, *flights)
     N, point = lipm.nb_samples, walking.point_of_row
-    slack_of_row = np.concatenate([np.where(point < N, point, -1), np.full(len(terminal.lower), N)])
+    nb_hard = sum(len(rows.lower) for rows in flights)
+    slack_of_row = np.concatenate(
+        [np.where(point < N, point, -1), np.full(len(terminal.lower), N), np.full(nb_hard, -1)]
+    )
     # Priced by the time that a sample stands for: else a late slack could be cheaper than an early one, and the
     # margin that is planned to be given up would be put off from tick to tick.
     times = np.concatenate([[0.0], lipm.times, lipm.times[-1:]])
     price = np.append(MARGIN_PENALTY * (times[2:] - times[:-2]), TERMINAL_PENALTY)
     most = np.append(np.full(N, max(margin - OVERSHOOT, 0.0)), np.inf)
-    return _softened(QP(problem.P, problem.q, G, lower, upper), slack_of_row, price, most)
+    return _softened(problem, slack_of_row, price, most)
 
 
 def _softened(problem: QP, slack_of_row: NDArray[np.int64], price: Vector, most: Vector) -> RelaxedQP:
     """Rows widened by slacks that follow u; -1 for a row that stays as it is."""
     n, k = len(problem.q), len(price)
-    S = (slack_of_row[:, None] == np.arange(k)).astype(float)
     above, below = np.isfinite(problem.upper), np.isfinite(problem.lower)
+    nb_above, nb_below = int(above.sum()), int(below.sum())
+    P = np.zeros((n + k, n + k), order="F")
+    P[:n, :n] = problem.P
+    G = np.zeros((nb_above + nb_below + k, n + k), order="F")
+    G[:nb_above, :n], G[nb_above : nb_above + nb_below, :n] = problem.G[above], problem.G[below]
+    slack = np.concatenate([slack_of_row[above], slack_of_row[below]])
+    sign = np.repeat([-1.0, 1.0], [nb_above, nb_below])
+    rows = np.flatnonzero(slack >= 0)
+    G[rows, n + slack[rows]] = sign[rows]
+    G[nb_above + nb_below :, n:] = np.eye(k)
     qp = QP(
-        P=np.block([[problem.P, np.zeros((n, k))], [np.zeros((k, n)), np.zeros((k, k))]]),
+        P=P,
         q=np.concatenate([problem.q, price]),
-        G=np.block([[problem.G[above], -S[above]], [problem.G[below], S[below]], [np.zeros((k, n)), np.eye(k)]]),
-        lower=np.concatenate([np.full(above.sum(), -np.inf), problem.lower[below], np.zeros(k)]),
-        upper=np.concatenate([problem.upper[above], np.full(below.sum(), np.inf), most]),
+        G=G,
+        lower=np.concatenate([np.full(nb_above, -np.inf), problem.lower[below], np.zeros(k)]),
+        upper=np.concatenate([problem.upper[above], np.full(nb_below, np.inf), most]),
     )
     return RelaxedQP(qp, above, below)

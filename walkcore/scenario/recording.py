@@ -207,9 +207,12 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
     reason = ""
     for snapshot in snapshots:
         values = row(snapshot)
-        # Beyond the contract: to rebuild stops, and to find the body's CoM where the dynamic filter moves it.
+        # To rebuild stops, to find the body's CoM where the dynamic filter moves it, and to rebuild shortened steps.
         more = {"steps_to_stand": float(snapshot.steps_to_stand)}
         _put(more, ("com_offset_x", "com_offset_y"), snapshot.com_offset)
+        more |= {"step_duration": snapshot.step_duration, "next_step_duration": snapshot.next_step_duration}
+        later = [foot.yaw for foot in (snapshot.plan.footholds[2:] if snapshot.plan is not None else ())]
+        _put(more, ("foothold3_yaw", "foothold4_yaw"), [*later, math.nan, math.nan][:2])
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
         columns = columns or (*values, *joints, *more)
         rows.append([*values.values(), *joints.values(), *more.values()])

@@ -75,6 +75,8 @@ def _snapshot(
         stance=stance,
         samples_on_support=int(v["samples_on_support"]),
         time_to_touchdown=v["time_to_touchdown"],
+        step_duration=v["step_duration"],
+        next_step_duration=v["next_step_duration"],
         steps_to_stand=int(v["steps_to_stand"]),
         left_foot=feet[Side.LEFT],
         right_foot=feet[Side.RIGHT],
