@@ -16,7 +16,7 @@ from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
 from walkcore.mpc.supports import CaptureSets, SupportGeometry, Supports, WalkingProblem
-from walkcore.mpc.viability import Landings, ViableSets
+from walkcore.mpc.viability import Landings, viable_sets
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -48,7 +48,7 @@ class PatternGenerator:
         self._robot, self._stages = robot, stages
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
         self._geometry = SupportGeometry(robot, p, sets)
-        self._viable_sets = ViableSets(
+        self._viable_sets = viable_sets(
             robot, p.cop_margin, (p.step_duration,), p.double_support_duration, self.pendulum.omega
         )
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)

@@ -28,8 +28,8 @@ from walkcore.mpc.gait import Gait, Phase
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan
 from walkcore.mpc.stance import Side, sole_vertices
-from walkcore.mpc.supports import WalkingProblem, part_of_region
-from walkcore.mpc.viability import Landings, ViableSets
+from walkcore.mpc.supports import TIGHTENING, WalkingProblem, capture_sets
+from walkcore.mpc.viability import Landings, ViableSets, viable_sets
 from walkcore.mpc.walking_qp import OVERSHOOT
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -84,11 +84,13 @@ class AdaptiveTiming:
             timing.samples_per_step,
             *sorted((n for n in shorter if least <= n < timing.samples_per_step), reverse=True),
         )
-        durations = [round(n * p.sampling_period, 9) for n in self._samples_per_step]
+        durations = tuple(round(n * p.sampling_period, 9) for n in self._samples_per_step)
         self._with_margin, self._without_margin = (
-            ViableSets(robot, margin, durations, p.double_support_duration, omega, region)
-            for margin, region in ((p.cop_margin, part_of_region(robot)), (min(OVERSHOOT, p.cop_margin), None))
+            viable_sets(robot, margin, durations, p.double_support_duration, omega, part)
+            for margin, part in ((p.cop_margin, TIGHTENING), (min(OVERSHOOT, p.cop_margin), 1.0))
         )
+        for duration in durations:  # else the first push would wait for them
+            capture_sets(robot, p, duration)
         self._robot = robot
 
     def decide(

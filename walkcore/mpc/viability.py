@@ -20,6 +20,7 @@ lies as far inside as the smallest h(n) - n.xi for the normals n of all edges of
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,6 +45,24 @@ class Landings:
     to_touchdown: Vector
     in_air: Vector
     """Time that the foot has left in the air, without the rest of a double support."""
+
+
+@lru_cache(maxsize=16)  # a change of other parameters during a walk asks for the same sets again
+def viable_sets(
+    robot: Robot, margin: float, durations: tuple[float, ...], double_support: float, omega: float, part: float = 1.0
+) -> "ViableSets":
+    """The `ViableSets` of these arguments, computed once.
+
+    Args:
+        robot: with its sole, its foothold regions and the speed of its feet.
+        margin: that the CoP keeps from the edges of the soles [m].
+        durations: of the coming steps [s].
+        double_support: its duration T [s].
+        omega: of the pendulum [1/s].
+        part: fraction of the foothold region that all footholds after the next one may use, around its middle.
+    """
+    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
+    return ViableSets(robot, margin, durations, double_support, omega, middle + part * (region - middle))
 
 
 class ViableSets:
