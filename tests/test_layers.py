@@ -22,10 +22,12 @@ CORE = """
     mpc.plan mpc.pattern_generator mpc.step_timing
     motion.swing_foot motion.dynamic_filter motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
+    plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant
+    plant.driver
     snapshot state simulation
     scenario.expectations scenario.events scenario.scenario
-    analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.metrics
-    analysis.push_bound
+    analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
+    analysis.metrics analysis.push_bound
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """

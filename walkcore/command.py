@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from walkcore.errors import InvalidValueError
-from walkcore.values import Vector, check_range, frozen_copy
+from walkcore.values import Vector, check_range, check_text, check_vector, frozen_copy
 
 Frame = Literal["robot", "world"]
+FARTHEST_POINT = 2.0  # [m] of a pushed point from its joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,10 @@ class Push:
     """[s]; zero gives the whole impulse in one tick."""
     frame: Frame = "robot"
     """Frame of the impulse: the robot's heading when the push begins, or the world."""
+    link: str = ""
+    """Joint that moves the link that is pushed; empty for the torso. The ideal plant is pushed at its CoM always."""
+    point: Vector | None = None
+    """Place on that link, in the frame of its joint [m], shape (3,); None at the link's own CoM."""
 
     def __post_init__(self) -> None:
         if len(self.impulse) != 2:
@@ -49,6 +54,10 @@ class Push:
         object.__setattr__(self, "duration", check_range("push.duration", self.duration, low=0.0))
         if self.frame not in ("robot", "world"):
             raise InvalidValueError("push.frame", self.frame, "must be 'robot' or 'world'")
+        check_text("push.link", self.link)
+        if self.point is not None:
+            point = check_vector("push.point", self.point, 3, -FARTHEST_POINT, FARTHEST_POINT)
+            object.__setattr__(self, "point", point)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

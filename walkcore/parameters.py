@@ -35,8 +35,9 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 """Lowest and highest value of each parameter that is a number."""
 STEP_TIMINGS = ("fixed", "adaptive")
 """Whether all steps last as long as the parameters say, or sooner touchdowns may catch a robot that was pushed."""
+PLANTS = ("ideal", "mujoco")
 COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
-FIXED = ("control_period", "sampling_period", "double_support_duration", "com_height", "gravity")
+FIXED = ("control_period", "sampling_period", "double_support_duration", "com_height", "gravity", "plant")
 """Parameters that hold for a whole walk."""
 
 
@@ -84,6 +85,10 @@ class Parameters:
     """Highest point of the sole in the air [m]."""
     gravity: float = GRAVITY
     """g [m/s^2]."""
+    plant: str = "ideal"
+    """Body that moves: `ideal` does what is planned, `mujoco` stands on the ground by contact forces."""
+    twin: bool = False
+    """Whether an ideal robot walks beside one that is not, on the same commands."""
     solver: str = "piqp"
     """Solver of the QP: `piqp`, or `daqp`, which is exact and faster for many walks at once."""
 
@@ -96,9 +101,11 @@ class Parameters:
             raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
         if self.step_timing not in STEP_TIMINGS:
             raise InvalidValueError("step_timing", self.step_timing, f"must be one of {', '.join(STEP_TIMINGS)}")
+        if self.plant not in PLANTS:
+            raise InvalidValueError("plant", self.plant, f"must be one of {', '.join(PLANTS)}")
         for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)
-        for name in ("stepping_in_place", "dynamic_filter"):
+        for name in ("stepping_in_place", "dynamic_filter", "twin"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidValueError(name, getattr(self, name), "must be true or false")
         if self.com_height is not None:

@@ -1,13 +1,14 @@
 """The robot's state and its tick: command in, snapshot out.
 
-The one place of the core that remembers, and the one that decides what a failed
-solve means. The state is the model's own: what the QP plans is what happens.
+The one place of the core that remembers, and the one that decides what a failed solve means. With the ideal
+plant the state is the model's own: what the QP plans is what happens. Any other plant is measured at
+each tick, and the model follows it by the rules of the stabiliser.
 """
 
 import math
 from copy import copy
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from walkcore.command import Command, Push, Reference
 from walkcore.errors import InvalidValueError, InverseKinematicsError, NoSolutionFoundError, OutOfTimeError
 from walkcore.motion.dynamic_filter import NO_OFFSET, Motion, Offset, dcm_offset
 from walkcore.motion.swing_foot import Flight, FootState, bump_at, retimed_flight, standing, swing, swing_height
-from walkcore.motion.whole_body import BodyTarget, WholeBody
+from walkcore.motion.whole_body import BodyTarget, Dynamics, WholeBody
 from walkcore.mpc.gait import Gait, GaitState, Phase
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.pattern_generator import PatternGenerator
@@ -27,21 +28,33 @@ from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.mpc.supports import CaptureSets, WalkingProblem
 from walkcore.parameters import Parameters
+from walkcore.plant.driver import BodyDriver
+from walkcore.plant.fall_watch import FallSigns, LastPush, phase_in_words
+from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
+from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
+from walkcore.plant.world import PERFECT, World
 from walkcore.robot import Robot, load_robot
-from walkcore.snapshot import GivenPush, Snapshot
+from walkcore.snapshot import GivenPush, PlantTick, Snapshot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.state import PushUnderWay, SimulationState
 from walkcore.values import Vector, freeze, frozen_copy, rotation
 
 NO_IMPULSE = frozen_copy(np.zeros(2))
 NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
+LOWEST = 0.75  # of the CoM's height: a body below has fallen
+MAX_TILT = 0.8  # [rad] of the torso from upright
+TILTED = 0.06  # [rad] from which a sole stands on an edge
 
 
 class Simulation:
     """A robot that walks to commands, tick by tick. The same commands give the same snapshots."""
 
     def __init__(
-        self, robot: Robot | None = None, parameters: Parameters | None = None, stages: Stages = UNTIMED
+        self,
+        robot: Robot | None = None,
+        parameters: Parameters | None = None,
+        stages: Stages = UNTIMED,
+        world: World = PERFECT,
     ) -> None:
         """Put the robot at rest on both feet around the origin.
 
@@ -49,8 +62,10 @@ class Simulation:
             robot: Talos if none is given.
             parameters: the paper's if none are given.
             stages: listens to the stages of each tick; it never changes what they decide.
+            world: that a plant with contact physics stands in; the ideal plant and the model know only the perfect one.
 
         Raises:
+            InvalidValueError: if this machine has not the plant that the parameters name.
             InverseKinematicsError: if the body cannot stand at this CoM height.
             EmptyRegionError: if the CoP margin leaves nothing of a sole.
         """
@@ -59,9 +74,22 @@ class Simulation:
         self._stages = stages
         self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self._step_timing = self._make_step_timing()
+        self.world = world
+        if self.robot.body is None and self.parameters.plant != "ideal":
+            limit = f"needs a body; {self.robot.name} is a point mass with feet"
+            raise InvalidValueError("plant", self.parameters.plant, limit)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
+        self._driver = None if self.body is None else BodyDriver(self.robot, self.body, self.parameters, world, stages)
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
+
+    def _new_twin(self) -> "Simulation | None":
+        """The ideal robot beside this one, where one is wanted and this one is not ideal itself."""
+        if not self.parameters.twin or self._driver is None or self._driver.is_ideal:
+            return None
+        twin = Simulation(self.robot, replace(self.parameters, plant="ideal", twin=False))
+        twin.restore(self.state)
+        return twin
 
     def change(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
         """Walk on with other parameters; a step under way keeps its duration.
@@ -78,6 +106,10 @@ class Simulation:
         self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
         self._step_timing = self._make_step_timing()
+        if self._twin is not None and parameters.twin:
+            self._twin.change(replace(parameters, plant="ideal", twin=False))
+        elif self._twin is None or not parameters.twin:
+            self._twin = self._new_twin()
 
     def _make_step_timing(self) -> AdaptiveTiming | None:
         """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
@@ -98,8 +130,10 @@ class Simulation:
         self._why_fallen = ""
         self._last_plan: Plan | None = None
         self._offset = NO_OFFSET
-        self._q = self.body.at_rest(self._body_target()) if self.body is not None else None
-        self._q_before = self._q
+        if self._driver is not None:
+            self._driver.reset(self._body_target())
+        self._twin: Simulation | None = None
+        self._twin = self._new_twin()
 
     @property
     def state(self) -> SimulationState:
@@ -114,8 +148,8 @@ class Simulation:
             pushes=self._pushes,
             why_fallen=self._why_fallen,
             com_offset=self._offset,
-            q=self._q,
-            q_before=self._q_before,
+            driver=None if self._driver is None else self._driver.state,
+            twin=None if self._twin is None else self._twin.state,
         )
 
     def restore(self, state: SimulationState) -> None:
@@ -124,14 +158,17 @@ class Simulation:
         Raises:
             InvalidValueError: if the state is without the configuration of this robot's body.
         """
-        if self.body is not None and (state.q is None or state.q_before is None):
+        if self._driver is not None and state.driver is None:
             raise InvalidValueError("state.q", None, f"must be a configuration of {self.robot.name}")
         self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._flight = state.flight
         self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
         self._offset, self._last_plan = state.com_offset, None
-        self._q, self._q_before = (state.q, state.q_before) if self.body is not None else (None, None)
+        if self._driver is not None and state.driver is not None:
+            self._driver.restore(state.driver)
+        if self._twin is not None:
+            self._twin.restore(state if state.twin is None else state.twin)
 
     @property
     def heading(self) -> float:
@@ -146,24 +183,76 @@ class Simulation:
             time_left: for the decision [s]. Once it is over no other solve begins: the best plan so far counts, or
                 the one of the last tick goes on, which `reason` then says. By default every tick is solved.
 
+        Raises:
+            InvalidValueError: for a push on a link that the body does not have; nothing has happened then.
+
         Returns:
             The state that the QP saw, after this tick's push, and what it decided.
         """
         self._stages.start()
         command = Command() if command is None else command
-        impulse = self._impulse(command.push)
-        if impulse is not NO_IMPULSE:
-            self._com = self._com.pushed(impulse / self.robot.mass)
+        if command.push is not None and self._driver is not None:
+            self._driver.check_link(command.push.link)
+        snapshot = self._step(command, time_left)
+        if self._twin is not None:
+            snapshot = replace(snapshot, twin=self._twin.step(command))
+            self._stages.lap("twin")
+        return snapshot
+
+    def _step(self, command: Command, time_left: TimeLeft) -> Snapshot:
+        impulse, forces = self._pushed(command.push)
+        plant = self._observe(impulse)
         plan = self._last_plan = self._decide(command.reference, time_left)
         gait = self._gait.at(self._tick)
-        snapshot = self._snapshot(command.reference, impulse, plan, gait)
+        snapshot = self._snapshot(command.reference, impulse, plan, gait, plant)
         self._stages.lap("snapshot")
         if plan is not None:
             self._advance(plan, gait)
-        if not self._why_fallen and self.body is not None:
-            snapshot = self._move_body(self.body, snapshot, impulse)
+        if self._driver is not None:
+            snapshot = self._drive(self._driver, snapshot, forces)
         self._tick += 1
         return snapshot
+
+    def _observe(self, impulse: Vector) -> PlantTick | None:
+        """Take in the push of this tick and the measured plant; None if all went as planned."""
+        driver = self._driver
+        measured = None if driver is None else driver.plant.measure()
+        if driver is None or measured is None:
+            if impulse is not NO_IMPULSE:
+                self._com = self._com.pushed(impulse / self.robot.mass)
+            return None
+        contact, error = driver.plant.ground(), np.zeros(2)
+        assert contact is not None
+        if not self._why_fallen:
+            if self._gait.begins_step(self._tick):
+                self._move_model(anchoring(self._feet[self._support_side], measured.soles[self._support_side]))
+            error = driver.late(self._dcm_error(driver, measured, contact))
+            self._com = followed(self._com, error, self._generator.pendulum.omega, self.parameters.control_period)
+            self._watch_for_fall(measured)
+        self._stages.lap("plant")
+        return PlantTick(measured, contact, freeze(error), driver.q)
+
+    @property
+    def _support_side(self) -> Side:
+        return self._gait.support_side(self._tick)
+
+    def _move_model(self, motion: PlanarTransform) -> None:
+        """Move the whole model over the ground; it goes on as before, elsewhere."""
+        assert self._driver is not None
+        self._com, self._offset = motion.com(self._com), motion.offset(self._offset)
+        self._feet = {side: motion.foot(foot) for side, foot in self._feet.items()}
+        self._driver.move_model(motion)
+        self._last_plan = None  # it was elsewhere
+
+    def _dcm_error(self, driver: BodyDriver, truth: Measurement, contact: GroundContact) -> Vector:
+        gait, omega = self._gait.at(self._tick), self._generator.pendulum.omega
+        standing = list(Side) if gait.phase is Phase.STANDING else [gait.support_side]
+        sensed = driver.sensed(truth, contact, standing, self._tick)
+        return dcm_error(sensed, self._com, self._offset, self._feet, standing, omega)
+
+    def _watch_for_fall(self, measured: Measurement) -> None:
+        if measured.com[2] < LOWEST * self._generator.pendulum.height or measured.tilt > MAX_TILT:
+            self._fall_down("")
 
     def preview(self, command: Command) -> Snapshot:
         """The snapshot of the next tick if this command came; nothing of the robot changes.
@@ -171,21 +260,37 @@ class Simulation:
         Without the body: its joints are those of the present, its true CoP and torques are None.
         """
         ghost = copy(self)
-        ghost._feet, ghost.body, ghost._stages = dict(self._feet), None, UNTIMED
+        ghost._feet, ghost.body, ghost._driver, ghost._stages = dict(self._feet), None, None, UNTIMED
+        ghost._twin = None
         return ghost.step(command)
 
-    def _impulse(self, push: Push | None) -> Vector:
-        """Impulse that all pushes under way give at this tick, in the world frame [N s], shape (2,)."""
+    def _pushed(self, push: Push | None) -> tuple[Vector, tuple[ExternalForce, ...]]:
+        """All pushes under way at this tick: their impulse in the world frame [N s], shape (2,), and their forces."""
+        period = self.parameters.control_period
         if push is not None:
-            ticks = max(1, round(push.duration / self.parameters.control_period))
+            ticks = max(1, round(push.duration / period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
-            self._pushes += (PushUnderWay(impulse / ticks, ticks),)
+            self._pushes += (PushUnderWay(impulse / ticks, ticks, push.link, push.point),)
             self._last_push = GivenPush(self._tick, (float(impulse[0]), float(impulse[1])), push.duration)
+            self._remember_push(impulse)
         if not self._pushes:
-            return NO_IMPULSE
+            return NO_IMPULSE, ()
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
+        forces = tuple(
+            ExternalForce(np.array([*p.impulse_per_tick, 0.0]) / period, p.link, p.point) for p in self._pushes
+        )
         self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
-        return NO_IMPULSE if self._why_fallen else total
+        if self._why_fallen:
+            return NO_IMPULSE, forces
+        return total, forces
+
+    def _remember_push(self, impulse: Vector) -> None:
+        """Keep a push for the words that tell a fall of the body."""
+        if self._driver is None or self._driver.is_ideal or self._why_fallen:
+            return
+        gait, (forward, left) = self._gait.at(self._tick), (rotation(self.heading).T @ impulse).tolist()
+        words = phase_in_words(gait.phase is Phase.SINGLE_SUPPORT, gait.phase is Phase.STANDING, gait.support_side)
+        self._driver.signs = self._driver.signs.pushed(LastPush(self._tick, forward, left, words))
 
     def _decide(self, reference: Reference, time_left: TimeLeft) -> Plan | None:
         """The plan of this tick, or none if the robot has fallen."""
@@ -292,11 +397,16 @@ class Simulation:
         return Stance((support,) if gait.phase is Phase.SINGLE_SUPPORT else (support, swing), self.robot.sole)
 
     def _fall_down(self, reason: str) -> None:
-        """Stay where the robot is until a reset."""
+        """Let the robot lie until a reset, for a reason, which the signs of a body that really falls explain."""
+        if self._driver is not None and not self._driver.is_ideal:
+            told = self._driver.signs.explain(self._tick, self.parameters.control_period)
+            reason = f"{told}; {reason}" if reason else told
         self._why_fallen, self._flight = reason, None
         self._com = CoMState.at_rest(self._com.position)
 
-    def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None, gait: GaitState) -> Snapshot:
+    def _snapshot(
+        self, reference: Reference, impulse: Vector, plan: Plan | None, gait: GaitState, plant: PlantTick | None
+    ) -> Snapshot:
         stance = self._stance(gait)
         horizon = plan or self._gait.horizon(self._tick).stances
         step_duration, next_step_duration = self._gait.step_durations(self._tick)
@@ -308,7 +418,7 @@ class Simulation:
             jerk=NO_IMPULSE if plan is None else plan.jerks[0],
             cop=freeze(self._generator.pendulum.cop(self._com)),
             true_cop=None,
-            torques=None,
+            torques=None if plant is None else plant.measured.torques,
             reference=reference,
             heading=self.heading,
             phase=gait.phase,
@@ -327,13 +437,18 @@ class Simulation:
             reason=NOT_IN_TIME if plan is not None and plan.is_continued else self._why_fallen,
             plan=plan,
             com_offset=self._offset.position,
-            q=self._q,
+            q=self._configuration if plant is None else plant.measured.q,
+            plant=plant,
         )
+
+    @property
+    def _configuration(self) -> Vector | None:
+        return None if self._driver is None else self._driver.q
 
     def _advance(self, plan: Plan, now: GaitState) -> None:
         """CoM and feet at the next tick."""
         p, tick = self.parameters, self._tick
-        if p.dynamic_filter and self.body is not None:
+        if p.dynamic_filter and self._driver is not None:
             self._offset = self._next_offset(plan, now)
             self._stages.lap("dynamic_filter")
         if now.phase is Phase.SINGLE_SUPPORT:
@@ -384,21 +499,37 @@ class Simulation:
         com = np.array([*(self._com.position + self._offset.position), self._generator.pendulum.height])
         return BodyTarget(com, self._feet[Side.LEFT], self._feet[Side.RIGHT], self.heading)
 
-    def _move_body(self, body: WholeBody, snapshot: Snapshot, impulse: Vector) -> Snapshot:
+    def _drive(self, driver: BodyDriver, snapshot: Snapshot, forces: tuple[ExternalForce, ...]) -> Snapshot:
         """The body follows to the next tick, from which the true CoP at this one is known."""
-        before, now, period = self._q_before, self._q, self.parameters.control_period
-        assert before is not None and now is not None
+        if self._why_fallen:
+            driver.let_go(forces)
+            return snapshot
+        on_ground, plant = [foot.side for foot in snapshot.stance.feet], snapshot.plant
+        if plant is not None:
+            command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance)
+            dynamics = driver.drive(self._body_target(), on_ground, NO_IMPULSE, forces, command)
+            driver.signs = self._signs_of_fall(driver, snapshot, plant, dynamics)
+            plant = replace(plant, commanded_cop=dynamics.commanded_cop)
+            return replace(snapshot, true_cop=dynamics.true_cop, plant=plant)
         try:
-            after = body.follow(now, self._body_target(), period)
+            push = snapshot.push / self.parameters.control_period
+            dynamics = driver.drive(self._body_target(), on_ground, push, (), None)
         except InverseKinematicsError as failure:
             self._fall_down(str(failure))
             return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
-        self._q_before, self._q = now, after
-        self._stages.lap("inverse_kinematics")
-        on_ground = [foot.side for foot in snapshot.stance.feet]
-        dynamics = body.dynamics(before, now, after, period, impulse / period, on_ground)
-        self._stages.lap("true_cop")
         return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
+
+    def _signs_of_fall(self, driver: BodyDriver, snapshot: Snapshot, plant: PlantTick, dynamics: Dynamics) -> FallSigns:
+        """The limits that are reached at this tick, added to those before."""
+        reached = {
+            "cop_at_edge": is_clipped(dynamics.true_cop, plant.dcm_error, dynamics.commanded_cop),
+            "torque_saturated": driver.saturated(plant.measured.torques),
+            "step_too_short": snapshot.status is Status.RELAXED,
+            "not_capturable": snapshot.plan is not None and not snapshot.plan.is_capturable,
+            "sole_tilted": any(plant.measured.soles[foot.side].tilt > TILTED for foot in snapshot.stance.feet),
+        }
+        now = [name for name, is_reached in reached.items() if is_reached]
+        return driver.signs.seen(now, self._tick, self.parameters.control_period)
 
 
 def _first_support(reference: Reference) -> Side:

@@ -8,6 +8,7 @@ from walkcore.mpc.gait import Phase
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.plant.plant import GroundContact, Measurement
 from walkcore.values import Vector
 
 
@@ -21,6 +22,21 @@ class GivenPush:
     """Whole impulse, world frame [N s]."""
     duration: float
     """[s]; zero gives the whole impulse in one tick."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlantTick:
+    """The plant at one tick, where it is not the ideal one."""
+
+    measured: Measurement
+    """The body as it is."""
+    contact: GroundContact
+    dcm_error: Vector
+    """DCM of the body against the model's, as the stabiliser sees it [m], shape (2,)."""
+    q_commanded: Vector
+    """Configuration that is commanded, in Pinocchio's order, shape (nq,)."""
+    commanded_cop: Vector | None = None
+    """CoP that the joint torques are to produce, world frame [m], shape (2,); None of a body that has fallen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +89,11 @@ class Snapshot:
     com_offset: Vector
     """Offset of the body's CoM from the model's, where the dynamic filter moves it [m], shape (2,)."""
     q: Vector | None
-    """Configuration in Pinocchio's order, shape (nq,); None for a robot without a body."""
+    """Configuration of the body as it is, in Pinocchio's order, shape (nq,); None for a robot without a body."""
+    plant: PlantTick | None
+    """None for the ideal plant."""
+    twin: "Snapshot | None" = None
+    """The ideal plant on the same commands, where one walks beside this one."""
 
     @property
     def com_height(self) -> float:

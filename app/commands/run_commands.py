@@ -18,10 +18,12 @@ from app.runs.run_jobs import Simulate, SimulationResult
 from app.settings import usable_cores
 from walkcore import WalkError, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore.parameters import PLANTS
 from walkcore.scenario.expectations import Verdict
 from walkcore.scenario.scenario import Scenario
 
 Ending = Literal[tuple(FORMATS)]
+Plant = Literal[PLANTS]
 BAR = "{l_bar}{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
 BROKEN = 1
 """Exit code of a run that breaks an expectation of its scenario."""
@@ -42,6 +44,10 @@ class RunCommand:
     """Folder for run.json and the recording; of several scenarios each gets a folder of its own in there."""
     formats: Annotated[tuple[Ending, ...], tyro.conf.arg(name="format")] = ("npz", "csv")  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
     """Files of the recording: NumPy, CSV, Parquet, MCAP (Foxglove), a 3-D replay in a page."""
+    plant: Plant | None = None  # pyright: ignore[reportInvalidTypeForm]  # the core's names
+    """Body that moves, instead of the scenario's: the ideal model, or contact physics in MuJoCo."""
+    twin: bool = False
+    """Let an ideal robot walk beside one in contact physics, on the same commands."""
     jobs: int = 0
     """Scenarios simulated at the same time; 0 for as many as there are cores."""
 
@@ -54,6 +60,7 @@ class RunCommand:
             print(f"walk: {problem}", file=sys.stderr)
         if problems:  # before anything runs
             return FAILED
+        scenarios = [self._placed(scenario) for scenario in scenarios]
         jobs = [Simulate(s.source, folder, self.formats) for s, folder in zip(scenarios, self._folders(), strict=True)]
         code = 0
         for index, done in simulate_all(jobs, self.jobs or usable_cores(), sys.stderr.isatty()):
@@ -68,10 +75,18 @@ class RunCommand:
                 f" ({result.real_time_factor:.3g} times real time)"
                 + (f"; the robot fell: {result.reason}" if result.reason else "")
             )
+            if result.twin_difference:
+                print(f"  {result.twin_difference}")
             _print_verdicts(result.verdicts)
             if not all(verdict.holds for verdict in result.verdicts):
                 code = max(code, BROKEN)
         return code
+
+    def _placed(self, scenario: Scenario) -> Scenario:
+        """The scenario on the plant that is asked for."""
+        if self.plant is None and not self.twin:
+            return scenario
+        return scenario.on_plant(self.plant or scenario.parameters.plant, self.twin)
 
     def _folders(self) -> Sequence[Path]:
         """A folder for each scenario."""

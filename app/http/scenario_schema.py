@@ -10,12 +10,30 @@ from typing import Any
 
 from app.descriptions import descriptions
 from walkcore import Parameters, robot_names
+from walkcore.command import FARTHEST_POINT
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import DEPRECATED, SCHEMES
-from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS, STEP_TIMINGS
+from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS, PLANTS, STEP_TIMINGS
+from walkcore.plant.fall_watch import SIGNS
+from walkcore.plant.world import LIMITS as WORLD_LIMITS
+from walkcore.plant.world import MAX_SEED, SENSORS, World
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION
-from walkcore.state import COM, FARTHEST, FLIGHT, FOOT, HIGHEST, KEYS, MAX_PUSHES, MAX_SAMPLES, MAX_TICK, OFFSET
+from walkcore.state import (
+    COM,
+    FARTHEST,
+    FLIGHT,
+    FOOT,
+    HIGHEST,
+    KEYS,
+    MAX_DELAYED,
+    MAX_PLANT_NUMBERS,
+    MAX_PUSHES,
+    MAX_SAMPLES,
+    MAX_TICK,
+    OFFSET,
+    OPTIONAL_KEYS,
+)
 
 Json = dict[str, Any]
 
@@ -83,7 +101,12 @@ def _parameters() -> Json:
 
 
 def _parameter(name: str, description: str, default: Any) -> Json:
-    choices = {"scheme": (*SCHEMES, *DEPRECATED), "solver": tuple(SOLVERS), "step_timing": STEP_TIMINGS}
+    choices = {
+        "scheme": (*SCHEMES, *DEPRECATED),
+        "solver": tuple(SOLVERS),
+        "step_timing": STEP_TIMINGS,
+        "plant": PLANTS,
+    }
     if name in choices:
         return _choice(description, choices[name], default=default)
     if name == "com_height":
@@ -116,6 +139,10 @@ PUSH = _object(
     impulse=_list(_number(), "[N s]", 2, 2),
     duration=_number("[s]; zero gives it all in one tick.", 0.0, 10.0, default=0.0),
     frame=_choice("Frame of the impulse.", ("robot", "world"), default="robot"),
+    link=_text("Joint whose link is pushed; empty for the torso. The ideal plant is pushed at its CoM.", default=""),
+    point=_optional(
+        _list(_number("", -FARTHEST_POINT, FARTHEST_POINT), "On that link, in its joint's frame [m].", 3, 3)
+    ),
 )
 EVENT = _object(
     "Changes at one time.",
@@ -138,6 +165,17 @@ FLIGHT_UNDER_WAY = _complete(
     touchdown=_whole("Tick of the new one.", 0, MAX_TICK),
     **{name: _number("At the start, in SI units.", low, high) for name, (low, high) in FLIGHT.items()},
 )
+WORLD = _object(
+    "World that contact physics stands in; needs parameters.plant: mujoco.",
+    **{
+        field.name: _choice(described, SENSORS, default=field.default)
+        if field.name == "sensors"
+        else _whole(described, 0, MAX_SEED, default=field.default)
+        if field.name == "seed"
+        else _number(described, *WORLD_LIMITS[field.name], default=field.default)
+        for field, described in ((field, descriptions(World)[field.name]) for field in fields(World))
+    },
+)
 GAIT = _object(
     "Position of the robot in its steps.",
     ("first_support", "start", "nb_steps"),
@@ -149,16 +187,45 @@ GAIT = _object(
     ),
     retiming=_optional(RETIMING),
 )
-PUSH_UNDER_WAY = _complete(
+PUSH_UNDER_WAY = _object(
     "Rest of a push that is under way.",
+    ("impulse_per_tick", "ticks_left"),
+    link=PUSH["properties"]["link"],
+    point=PUSH["properties"]["point"],
     impulse_per_tick=_list(_number(), "World frame [N s].", 2, 2),
     ticks_left=_whole("Ticks that it still lasts.", 1, MAX_TICK),
 )
 HEIGHT = _number("Height of the sole above the ground [m].", 0.0, HIGHEST)
 CONFIGURATION = _list(_number(low=-FARTHEST, high=FARTHEST), "Pinocchio's order; null for a robot without a body.")
+PLANT = _complete(
+    "State of the plant, of its sensors, and the limits that were reached lately; missing for the ideal plant.",
+    numbers=_list(_number(), "Of MuJoCo, for the same build of it.", high=MAX_PLANT_NUMBERS),
+    is_limp={"type": "boolean", "description": "Whether the servos are off."},
+    standing=_list(_choice("Foot that stands.", ("left", "right")), high=2),
+    estimate=_list(_number(low=-1e3, high=1e3), "CoM from the soles that stand, and its velocity.", 4, 4),
+    delayed=_list(_list(_number(low=-10.0, high=10.0), low=2, high=2), "DCM errors on their way.", high=MAX_DELAYED),
+    signs=_list(
+        _complete(
+            "A limit that was reached.",
+            name=_choice("", tuple(SIGNS)),
+            first=_whole("Tick.", 0, MAX_TICK),
+            last=_whole("Tick.", 0, MAX_TICK),
+        ),
+        high=len(SIGNS),
+    ),
+    last_push=_optional(
+        _complete(
+            "Last push, for the words that tell a fall.",
+            tick=_whole("", 0, MAX_TICK),
+            forward=_number("[N s]", -1e4, 1e4),
+            left=_number("[N s]", -1e4, 1e4),
+            phase=_text("Of the gait."),
+        )
+    ),
+)
 STATE = _object(
     "State at which the walk begins, as a saved session has it; at rest at the origin if missing.",
-    tuple(key for key in KEYS if key != "flight"),
+    tuple(key for key in KEYS if key not in OPTIONAL_KEYS),
     tick=_whole("Ticks since the robot stood.", 0, MAX_TICK),
     gait=GAIT,
     flight=_optional(FLIGHT_UNDER_WAY),
@@ -170,6 +237,8 @@ STATE = _object(
     com_offset=_complete("Offset of the dynamic filter.", **_vectors(OFFSET)),
     q=_optional(CONFIGURATION),
     q_before=_optional(CONFIGURATION),
+    plant=_optional(PLANT),
+    twin={"type": ["object", "null"], "description": "State of the ideal robot beside this one, with these same keys."},
 )
 SCENARIO = {"title": "Scenario"} | _object(
     "A scripted walk: a robot, its parameters, references and pushes, and bounds on its metrics.",
@@ -179,6 +248,7 @@ SCENARIO = {"title": "Scenario"} | _object(
     robot=_choice("Name of a robot that ships.", robot_names(), default="talos"),
     duration=_number("Simulated time [s].", LIMITS["control_period"][0], MAX_DURATION),
     parameters=_optional(PARAMETERS),
+    world=_optional(WORLD),
     initial_state=_optional(STATE),
     events=_optional(_list(EVENT, "Events in any order.")),
     expect=_optional(_expectations()),

@@ -9,6 +9,7 @@ from typing import Any
 from app.formats import FORMATS, read_run, write_run
 from app.jobs import Report
 from app.runs.run import RunProgress
+from walkcore.analysis.twin import twin_difference
 from walkcore.scenario.expectations import Verdict
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -25,6 +26,8 @@ class SimulationResult:
     reason: str
     """Why the robot fell, if it did."""
     verdicts: tuple[Verdict, ...]
+    twin_difference: str = ""
+    """The difference between the robot and the ideal one beside it, where there was one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +55,15 @@ class Simulate:
         recording = record(scenario, lambda fraction: report(progress(fraction)))
         factor = scenario.duration / (time.perf_counter() - started)
         write_run(recording, self.folder, self.formats)
-        verdicts = tuple(recording.verdicts())
-        return SimulationResult(scenario.robot.name, scenario.nb_ticks, factor, recording.reason, verdicts)
+        difference = twin_difference(recording) if scenario.parameters.twin else ""
+        return SimulationResult(
+            scenario.robot.name,
+            scenario.nb_ticks,
+            factor,
+            recording.reason,
+            tuple(recording.verdicts()),
+            difference,
+        )
 
 
 def convert(folder: Path, ending: str, _: Report) -> None:

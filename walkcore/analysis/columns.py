@@ -1,6 +1,6 @@
 """The columns of a walk, fresh or read from a file, from which metrics are computed."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -48,9 +48,19 @@ class Walk(Protocol):
         """None for a robot without a body."""
         ...
 
+    @property
+    def columns(self) -> Container[str]:
+        """Names of the columns."""
+        ...
+
     def __getitem__(self, column: str) -> Vector:
         """One column, shape (ticks,)."""
         ...
+
+
+def has_column(walk: Walk, name: str) -> bool:
+    """Whether a walk has a column that not every walk has."""
+    return name in walk.columns
 
 
 def pendulum(walk: Walk) -> Pendulum:

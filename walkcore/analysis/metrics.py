@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from walkcore.analysis.columns import BodyUse, Mask, Walk, cop_error, heading, points, ticks_relaxed
+from walkcore.analysis.columns import BodyUse, Mask, Walk, cop_error, has_column, heading, points, ticks_relaxed
 from walkcore.analysis.margins import dcm, support_margins
 from walkcore.analysis.push_recovery import PushRecovery, push_recoveries
 from walkcore.analysis.steady_walking import SteadyWalk, steady_walks
+from walkcore.analysis.twin import twin_difference
 from walkcore.mpc.plan import Status
 from walkcore.values import Vector
 
@@ -33,6 +34,7 @@ def metrics(walk: Walk) -> dict[str, Any]:
         **_tracking(walks),
         **_recovery(pushes),
         **_balance(walk, is_up),
+        **_plant(walk, is_up),
         **_body(walk.body_use),
         "steady_walks": [asdict(steady) for steady in walks],
         "pushes": [asdict(push) for push in pushes],
@@ -75,11 +77,38 @@ def _balance(walk: Walk, is_up: Mask) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for name, margin in margins.items():
         found |= {name: _percentile(margin[is_up], 0), f"{name}_p1": _percentile(margin[is_up], 1)}
-    error = np.hypot(*cop_error(walk).T)[is_up]
-    for name, percentile in (("cop_error", 100), ("cop_error_p95", 95), ("cop_error_median", 50)):
-        found[name] = _percentile(error, percentile)
+    found |= _distribution("cop_error", np.hypot(*cop_error(walk).T)[is_up])
     distance = np.hypot(*(points(walk, "com") - points(walk, "support")).T)
     return found | {"com_distance": float(distance.max())}
+
+
+def _plant(walk: Walk, is_up: Mask) -> dict[str, Any]:
+    """Contact physics against the model; None for the ideal plant."""
+    if not has_column(walk, "ground_cop_x"):
+        names = ("ground_cop_error", "ground_cop_error_p95", "ground_cop_error_median", "dcm_error", "twin_distance")
+        return dict.fromkeys(names)
+    found = _distribution("ground_cop_error", np.hypot(*(points(walk, "ground_cop") - points(walk, "cop")).T)[is_up])
+    found["dcm_error"] = _percentile(np.hypot(*points(walk, "dcm_error").T)[is_up], 100)
+    return found | _twin(walk, is_up)
+
+
+def _twin(walk: Walk, is_up: Mask) -> dict[str, Any]:
+    """The robot against the ideal one beside it."""
+    if not has_column(walk, "twin_com_x"):
+        return {"twin_distance": None}
+    is_twin_up = walk["twin_status"] != Status.FALLEN
+    distance = np.hypot(*(points(walk, "measured_com") - points(walk, "twin_com")).T)
+    return {
+        "twin_distance": _percentile(distance[is_up & is_twin_up], 100),
+        "twin_has_fallen": not bool(is_twin_up.all()),
+        "twin_difference": twin_difference(walk),
+    }
+
+
+def _distribution(name: str, error: Vector) -> dict[str, float | None]:
+    """The largest, the 95th percentile and the median of an error."""
+    percentiles = {name: 100, f"{name}_p95": 95, f"{name}_median": 50}
+    return {name: _percentile(error, percentile) for name, percentile in percentiles.items()}
 
 
 def _body(use: BodyUse | None) -> dict[str, Any]:

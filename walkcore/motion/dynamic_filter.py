@@ -45,6 +45,14 @@ class Offset:
     dcm: Vector
     """xi, the DCM of the offset, smoothed [m], shape (2,)."""
 
+    def velocity(self, omega: float) -> Vector:
+        """Dd = omega (xi - d) [m/s], shape (2,).
+
+        Args:
+            omega: sqrt(g/h) [1/s].
+        """
+        return omega * (self.dcm - self.position)
+
     def towards(self, dcm: Vector, omega: float, period: float) -> "Offset":
         """The offset one tick later, on its way to the DCM offset of the plan.
 

@@ -7,7 +7,7 @@ full inverse dynamics of the motion (`pin.rnea`), where the paper's model (5)-(6
 neglects what the turning of the body's parts adds.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -49,6 +49,8 @@ class Dynamics:
 
     true_cop: Vector
     """Centre of pressure on the ground [m], shape (2,)."""
+    commanded_cop: Vector
+    """Centre of pressure that the torques produce: the same, unless another one is commanded [m], shape (2,)."""
     torques: Vector
     """Torques of the joints, in Pinocchio's order [N m], shape (nv - 6,)."""
 
@@ -178,7 +180,14 @@ class WholeBody:
         return float(np.linalg.norm(com_off)), max(float(np.linalg.norm(one)) for one in off)
 
     def dynamics(
-        self, before: Vector, now: Vector, after: Vector, tick: float, push: Vector, on_ground: Sequence[Side]
+        self,
+        before: Vector,
+        now: Vector,
+        after: Vector,
+        tick: float,
+        push: Vector,
+        on_ground: Sequence[Side],
+        command: Callable[[Vector], Vector] | None = None,
     ) -> Dynamics:
         """Full inverse dynamics of the motion through three configurations.
 
@@ -189,6 +198,7 @@ class WholeBody:
             tick: [s].
             push: horizontal force that acts on the CoM from outside [N], shape (2,).
             on_ground: feet that carry the robot.
+            command: gives the CoP to be commanded from that of the motion; by default it is the same.
         """
         model, data = self.model, self._data_of_dynamics
         arriving = pin.difference(model, before, now) / tick
@@ -199,10 +209,13 @@ class WholeBody:
         total = data.oMi[1].act(data.f[1])
         push_force = np.array([*push, 0.0])
         force, moment = total.linear - push_force, total.angular - pin.skew(com) @ push_force
-        cop = np.array([-moment[1], moment[0]]) / force[2]
-        for wrench, jacobian in self._contacts(now, cop, force, moment, on_ground):
+        cop = commanded = np.array([-moment[1], moment[0]]) / force[2]
+        if command is not None:
+            commanded = command(cop)
+            moment = moment + np.cross([*(commanded - cop), 0.0], force)
+        for wrench, jacobian in self._contacts(now, commanded, force, moment, on_ground):
             torques = torques - jacobian.T @ wrench
-        return Dynamics(frozen_copy(cop), frozen_copy(torques[6:]))
+        return Dynamics(frozen_copy(cop), frozen_copy(commanded), frozen_copy(torques[6:]))
 
     def _contacts(
         self, q: Vector, cop: Vector, force: Vector, moment: Vector, on_ground: Sequence[Side]
@@ -232,6 +245,18 @@ class WholeBody:
 def configuration_size(body: BodyModel) -> int:
     """nq: numbers in a configuration of that body."""
     return int(pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer()).nq)
+
+
+def moved_on_ground(q: Vector, yaw: float, translation: Vector) -> Vector:
+    """A configuration whose floating base is turned about the world's origin by `yaw` [rad], then moved [m].
+
+    Args:
+        q: configuration, shape (nq,).
+        yaw: [rad].
+        translation: [m], shape (2,).
+    """
+    motion = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([*translation, 0.0]))
+    return frozen_copy(np.concatenate([pin.SE3ToXYZQUAT(motion * pin.XYZQUATToSE3(q[:7])), q[7:]]))
 
 
 def sole_placement(foot: FootState) -> pin.SE3:

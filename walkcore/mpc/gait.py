@@ -264,6 +264,10 @@ class Gait:
             next_swing_progress=max(ticks_in_air + 1, 0) / swing_ticks,
         )
 
+    def begins_step(self, tick: int) -> bool:
+        """Whether a step begins at a tick: the foot that carries it has just landed, or is about to carry the first."""
+        return self.step(tick) >= 0 and self.step_ticks(tick)[0] == tick
+
     def support_side(self, tick: int) -> Side:
         """The foot that carries the robot; while standing, the one that will carry the first step."""
         return self.first_support.other if max(self.step(tick), 0) % 2 else self.first_support
@@ -309,7 +313,7 @@ class Gait:
 
     def at_next_step(self, timing: Timing, tick: int) -> "Gait":
         """The same gait with another timing where a step begins at a tick, else itself."""
-        if self.step(tick) < 0 or self.timing == timing or self.step_ticks(tick)[0] != tick:
+        if self.timing == timing or not self.begins_step(tick):
             return self
         return self._from_step(timing, tick, tick, tick + timing.ticks_per_step, timing.samples_per_step)
 

@@ -15,17 +15,23 @@ from walkcore.analysis.columns import BodyUse
 from walkcore.analysis.metrics import metrics
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.plan import Status
-from walkcore.mpc.stance import Footstep
+from walkcore.mpc.stance import Footstep, Side
 from walkcore.parameters import Parameters
+from walkcore.plant.world import PERFECT
 from walkcore.robot import Robot
 from walkcore.scenario.expectations import Verdict
 from walkcore.scenario.scenario import Scenario
 from walkcore.simulation import Simulation
-from walkcore.snapshot import Snapshot
+from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.values import Matrix, Vector
 
 PACKAGES = ("numpy", "piqp", "daqp", "pin", "pin-pink", "quadprog", "example-robot-data")
+PHYSICS = "mujoco-core"  # needed by a plant with contact physics only
 NOWHERE = (math.nan, math.nan, math.nan)
+TWIN_COLUMNS = {"com_x", "com_y", "cop_x", "cop_y", "status"} | {
+    f"{foot}_{c}" for foot in ("left", "right") for c in ("x", "y", "z", "yaw")
+}
+"""Columns that the ideal robot beside another plant has, too, with `twin_` before their names."""
 
 
 def row(snapshot: Snapshot) -> dict[str, float]:
@@ -51,6 +57,23 @@ def row(snapshot: Snapshot) -> dict[str, float]:
     _put(columns, ("push_x", "push_y"), s.push)
     columns["status"] = s.status.value
     return columns
+
+
+def _plant_columns(plant: PlantTick) -> dict[str, float]:
+    """The columns of a plant that is not the ideal one."""
+    columns: dict[str, float] = {}
+    body = plant.measured
+    names = tuple(f"measured_com_{c}" for c in ("x", "y", "z", "vx", "vy"))
+    _put(columns, names, (*body.com, *body.com_velocity[:2]))
+    for side in Side:
+        sole = body.soles[side]
+        names = tuple(f"measured_{side.name.lower()}_{c}" for c in ("x", "y", "z", "yaw"))
+        _put(columns, names, (*sole.position, sole.yaw))
+    for name, cop in (("ground_cop", plant.contact.cop), ("commanded_cop", plant.commanded_cop)):
+        _put(columns, (f"{name}_x", f"{name}_y"), NOWHERE[:2] if cop is None else cop)
+    _put(columns, ("left_force", "right_force"), (plant.contact.forces[side] for side in Side))
+    _put(columns, ("dcm_error_x", "dcm_error_y"), plant.dcm_error)
+    return columns | {f"q_commanded_{i}": float(angle) for i, angle in enumerate(plant.q_commanded)}
 
 
 def _put(columns: dict[str, float], names: tuple[str, ...], values: Any) -> None:
@@ -98,10 +121,15 @@ class Recording:
             "scenario": self.scenario.source,
             "parameters": self.parameters,
             "parameter_changes": self.parameter_changes,
-            "versions": {name: version(name) for name in ("walk", *PACKAGES)} | {"python": platform.python_version()},
+            "versions": {name: version(name) for name in self._packages} | {"python": platform.python_version()},
             "metrics": measured,
             "expectations": [asdict(verdict) for verdict in _verdicts(self.scenario, measured)],
         }
+
+    @property
+    def _packages(self) -> tuple[str, ...]:
+        """Packages that decide the numbers."""
+        return ("walk", *PACKAGES, *(() if self.scenario.parameters.plant == "ideal" else (PHYSICS,)))
 
     def run_json(self) -> str:
         """The text of run.json."""
@@ -171,7 +199,7 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
     Raises:
         InverseKinematicsError: if the body cannot stand at this CoM height.
     """
-    simulation = Simulation(scenario.robot, scenario.parameters)
+    simulation = Simulation(scenario.robot, scenario.parameters, world=scenario.world)
     if scenario.initial_state is not None:
         simulation.restore(scenario.initial_state)
     every = max(scenario.nb_ticks // 100, 1)
@@ -213,6 +241,10 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         more |= {"step_duration": snapshot.step_duration, "next_step_duration": snapshot.next_step_duration}
         later = [foot.yaw for foot in (snapshot.plan.footholds[2:] if snapshot.plan is not None else ())]
         _put(more, ("foothold3_yaw", "foothold4_yaw"), [*later, math.nan, math.nan][:2])
+        if snapshot.plant is not None:
+            more |= _plant_columns(snapshot.plant)
+        if snapshot.twin is not None:
+            more |= {f"twin_{name}": value for name, value in row(snapshot.twin).items() if name in TWIN_COLUMNS}
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
         columns = columns or (*values, *joints, *more)
         rows.append([*values.values(), *joints.values(), *more.values()])
@@ -226,7 +258,8 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         scenario=scenario,
         columns=columns,
         rows=table,
-        parameters=parameters_in_force(scenario.robot, scenario.parameters),
+        parameters=parameters_in_force(scenario.robot, scenario.parameters)
+        | ({} if scenario.world == PERFECT else {"world": scenario.world.to_mapping()}),
         parameter_changes=_changes(scenario, int(table[0, 0])),
         reason=reason,
         body_use=use,
@@ -238,7 +271,8 @@ def _effort(body: WholeBody, snapshot: Snapshot) -> Vector:
     if snapshot.q is None or snapshot.torques is None:
         return np.full(2 + len(body.joint_names), math.nan)
     com = np.array([*(snapshot.com.position + snapshot.com_offset), snapshot.com_height])
-    return np.array([*body.errors(snapshot.q, com, snapshot.feet), *snapshot.torques])
+    q = snapshot.q if snapshot.plant is None else snapshot.plant.q_commanded
+    return np.array([*body.errors(q, com, snapshot.feet), *snapshot.torques])
 
 
 def _body_use(

@@ -87,6 +87,7 @@ def _snapshot(
         plan=None if status is Status.FALLEN else _plan(v, com, pendulum, stance, recording),
         com_offset=_pair(v, "com_offset"),
         q=None if q is None else frozen_copy(q),
+        plant=None,
     )
 
 

@@ -11,6 +11,7 @@ from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameErro
 from walkcore.mpc.regions import inset_vertices
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
+from walkcore.plant.world import PERFECT, World
 from walkcore.robot import Robot, load_robot
 from walkcore.scenario.events import Event, commands
 from walkcore.scenario.expectations import Expectation, expectations_from_mapping
@@ -20,7 +21,7 @@ from walkcore.values import check_keys, check_mapping, check_range, check_text
 SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
 MAX_EVENTS = 20_000  # more than a minute of live walking has ticks
-KEYS = {"name", "description", "robot", "duration", "parameters", "initial_state", "events", "expect"}
+KEYS = {"name", "description", "robot", "duration", "parameters", "world", "initial_state", "events", "expect"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +42,8 @@ class Scenario:
     initial_state: SimulationState | None = None
     """State in which the walk begins; None at rest at the origin, at tick 0."""
     expectations: tuple[Expectation, ...] = ()
+    world: World = PERFECT
+    """World that a plant with contact physics stands in."""
 
     @property
     def nb_ticks(self) -> int:
@@ -56,13 +59,27 @@ class Scenario:
         period = self.parameters.control_period
         return tuple((event.tick(period), event.parameters) for event in self.events if event.parameters is not None)
 
+    def on_plant(self, plant: str, twin: bool = False) -> "Scenario":
+        """The same scenario on another plant, with the dynamic filter, which contact physics needs.
+
+        Args:
+            plant: a name of `parameters.PLANTS`.
+            twin: whether an ideal robot walks beside it.
+        """
+        changed = {"plant": plant, "twin": twin} | ({} if plant == "ideal" else {"dynamic_filter": True})
+        world = {} if plant == "ideal" else {"world": self.source.get("world", {})}
+        kept = {key: value for key, value in self.source.items() if key != "world"}
+        return scenario_from_mapping(kept | world | {"parameters": {**self.source.get("parameters", {}), **changed}})
+
     def without_body(self) -> "Scenario":
         """The same scenario of the point mass with feet: the decisions are the same, but for falls of the body."""
         state = self.initial_state
         return replace(
             self,
             robot=replace(self.robot, body=None),
-            initial_state=None if state is None else replace(state, q=None, q_before=None),
+            parameters=replace(self.parameters, plant="ideal", twin=False),
+            world=PERFECT,
+            initial_state=None if state is None else replace(state, driver=None, twin=None),
         )
 
 
@@ -119,7 +136,17 @@ def scenario_from_mapping(data: Any) -> Scenario:
         description=data.get("description", ""),
         initial_state=None if state is None else state_from_mapping(state, robot, parameters),
         expectations=expectations_from_mapping(_given(data, "expect", {})),
+        world=_world(_given(data, "world", {}), parameters),
     )
+
+
+def _world(data: Any, parameters: Parameters) -> World:
+    world = World.from_mapping(check_mapping("world", data))
+    if world != PERFECT and parameters.plant == "ideal":
+        raise InvalidValueError(
+            "world", data, "needs parameters.plant: mujoco; the ideal plant knows the perfect world"
+        )
+    return world
 
 
 def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
@@ -129,7 +156,9 @@ def _given(data: Mapping[str, Any], key: str, default: Any) -> Any:
 
 
 def _fitting(parameters: Parameters, robot: Robot) -> Parameters:
-    """The parameters, if their margin leaves something of the robot's soles."""
+    """The parameters, if their margin leaves something of the robot's soles, and it has the body that they need."""
+    if robot.body is None and parameters.plant != "ideal":
+        raise InvalidValueError("plant", parameters.plant, f"needs a body; {robot.name} is a point mass with feet")
     try:
         inset_vertices(robot.sole, parameters.cop_margin)
     except EmptyRegionError as error:
@@ -167,7 +196,7 @@ def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters)
         raise InvalidValueError("over", over, "needs a reference beside it")
     if "push" in data:
         values = check_mapping("push", data["push"])
-        check_keys("push", values, {"impulse", "duration", "frame"})
+        check_keys("push", values, {"impulse", "duration", "frame", "link", "point"})
         if not isinstance(values.get("impulse"), list):
             raise InvalidValueError("push.impulse", values.get("impulse"), "must be a list of two numbers")
         push = robot.check_push(Push(**values))

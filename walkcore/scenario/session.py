@@ -5,6 +5,7 @@ from typing import Any
 
 from walkcore.command import Command, Push, Reference
 from walkcore.parameters import Parameters
+from walkcore.plant.world import PERFECT, World
 from walkcore.state import SimulationState
 
 
@@ -15,6 +16,7 @@ def session_scenario(
     state: SimulationState,
     commands: Sequence[Command],
     changes: Mapping[int, Parameters],
+    world: World = PERFECT,
 ) -> dict[str, Any]:
     """The mapping of a scenario, for `scenario_from_mapping`.
 
@@ -25,6 +27,7 @@ def session_scenario(
         state: before the first command.
         commands: one a tick.
         changes: parameters that came into force just before a command, by its index.
+        world: that the plant stood in.
     """
     events: list[dict[str, Any]] = []
     reference, in_force = Reference(), parameters
@@ -45,6 +48,7 @@ def session_scenario(
         "robot": robot,
         "duration": len(commands) * parameters.control_period,
         "parameters": _difference(Parameters(), parameters),
+        **({} if world == PERFECT else {"world": world.to_mapping()}),
         "initial_state": state.to_mapping(),
         "events": events,
     }
@@ -57,4 +61,5 @@ def _difference(before: Parameters, after: Parameters) -> dict[str, Any]:
 
 
 def _push(push: Push) -> dict[str, Any]:
-    return {"impulse": push.impulse.tolist(), "duration": push.duration, "frame": push.frame}
+    place = ({"link": push.link} if push.link else {}) | ({} if push.point is None else {"point": push.point.tolist()})
+    return {"impulse": push.impulse.tolist(), "duration": push.duration, "frame": push.frame} | place

@@ -1,0 +1,112 @@
+"""Why a body fell: which of its limits gave way first, told in the terms of the push and of the step.
+
+signs = signs.seen(now, tick)        # each tick, the limits that are reached now
+reason = signs.explain(...)          # when the body has fallen
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from walkcore.mpc.stance import Side
+
+FORGOTTEN = 1.0  # [s] after which a limit that was reached once has been survived
+NB_TOLD = 3  # limits, so that a sentence stays one
+PUSH_MATTERS = 10.0  # [s] in which a fall is told by the push
+
+SIGNS = {
+    "cop_at_edge": "the CoP had reached the edge of the soles",
+    "torque_saturated": "a joint's torque had reached its limit",
+    "step_too_short": "a margin of the step had to be given up",
+    "not_capturable": "the DCM had left the set from which a step can catch it",
+    "sole_tilted": "the sole that stood had tilted",
+}
+"""Limits by name, and the words for having reached each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """A limit that was reached."""
+
+    name: str
+    """Key of SIGNS."""
+    first: int
+    """Tick."""
+    last: int
+    """Tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class LastPush:
+    """The push that a fall may be told by."""
+
+    tick: int
+    forward: float
+    """Impulse in the robot's heading frame [N s]."""
+    left: float
+    """[N s]."""
+    phase: str
+    """Phase of the gait when it began, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class FallSigns:
+    """The limits that were reached lately, in the order in which they were, and the last push."""
+
+    signs: tuple[Sign, ...] = ()
+    push: LastPush | None = None
+
+    def pushed(self, push: LastPush) -> "FallSigns":
+        """The signs after a push; those before it no longer count."""
+        return FallSigns((), push)
+
+    def seen(self, now: Sequence[str], tick: int, period: float) -> "FallSigns":
+        """The signs one tick later.
+
+        Args:
+            now: names of the limits that are reached at this tick.
+            tick: of it.
+            period: of a tick [s].
+        """
+        if not now and not self.signs:
+            return self
+        recent = [sign for sign in self.signs if (tick - sign.last) * period < FORGOTTEN]
+        known = {sign.name for sign in recent}
+        kept = [Sign(sign.name, sign.first, tick) if sign.name in now else sign for sign in recent]
+        return FallSigns((*kept, *(Sign(name, tick, tick) for name in now if name not in known)), self.push)
+
+    def explain(self, tick: int, period: float) -> str:
+        """The reason of a fall in words.
+
+        Args:
+            tick: at which the body has fallen.
+            period: of a tick [s].
+        """
+        push = self.push if self.push is not None and (tick - self.push.tick) * period < PUSH_MATTERS else None
+        words = "the robot fell"
+        if push is not None:
+            strength, direction = math.hypot(push.forward, push.left), direction_in_words(push.forward, push.left)
+            after = (tick - push.tick) * period
+            words = f"{strength:.0f} N s {direction} {push.phase}: the robot fell {after:.1f} s later"
+        told = [f"{SIGNS[sign.name]} ({_when(sign, tick, push, period)})" for sign in self.signs[:NB_TOLD]]
+        return f"{words}; first {', then '.join(told)}" if told else words
+
+
+def _when(sign: Sign, tick: int, push: LastPush | None, period: float) -> str:
+    if push is None:
+        return f"{(tick - sign.first) * period:.2f} s before"
+    return f"{(sign.first - push.tick) * period:.2f} s after the push"
+
+
+def direction_in_words(forward: float, left: float) -> str:
+    """The direction of a push in the robot's heading frame, in words."""
+    ways = ("forward", "forward and left", "to the left", "back and left", "backward", "back and right", "to the right")
+    return (*ways, "forward and right")[round(math.atan2(left, forward) / (math.pi / 4)) % 8]
+
+
+def phase_in_words(is_single_support: bool, is_standing: bool, support: Side) -> str:
+    """The phase of the gait, in words."""
+    if is_standing:
+        return "while it stood"
+    foot = support.other.name.lower()
+    return f"while the {foot} foot was in the air" if is_single_support else f"as the {foot} foot was about to lift"
