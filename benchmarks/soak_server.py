@@ -143,7 +143,8 @@ def served(robot: str) -> Iterator[tuple[str, psutil.Process]]:
 def nb_warnings(process: psutil.Process) -> str:
     """Kinds of lines in the server's log, the most frequent first."""
     text = Path(os.readlink(f"/proc/{process.pid}/fd/2")).read_text(errors="replace")
-    kinds = Counter(" ".join(line.split()[:4]) for line in text.splitlines())
+    said = (line for line in text.splitlines() if not line.startswith(" "))  # without the frames of tracebacks
+    kinds = Counter(" ".join(line.split()[:8]) for line in said)
     return "; ".join(f"{count} x {kind}" for kind, count in kinds.most_common(5)) or "none"
 
 
