@@ -13,7 +13,6 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -270,13 +269,6 @@ def small_disk(tmp_path_factory) -> Iterator[Path | None]:
         subprocess.run(["umount", "--lazy", folder], check=True)
 
 
-# The machine kills the control process, which is to be started again.
-@pytest.mark.xfail(
-    find_spec("app.live.supervisor") is None,
-    reason="issue 17, point 6: nothing starts a killed control process again",
-    strict=False,
-    run=False,
-)
 @pytest.mark.parametrize(
     ("nb_examples", "nb_steps"),
     [(2, 15), pytest.param(30, 50, marks=[pytest.mark.exhaustive, pytest.mark.timeout(3600)])],
