@@ -16,10 +16,12 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
+from app.live.session_log import SessionLog
 from app.runs import RunLimits, Runs, RunsUnavailableError, UnknownRunError
 from app.runs.database import ROW_BROKEN
 from app.runs.recovery import FILES_GONE, SERVER_DIED
 from app.runs.store import RunStore
+from walkcore import Command, Simulation, load_robot
 from walkcore.scenario.recording import Recording, record
 from walkcore.scenario.scenario import scenario_from_mapping
 
@@ -131,6 +133,25 @@ def test_a_queue_whose_processes_cannot_start_goes_on(tmp_path, monkeypatch):
             with pytest.raises(RunsUnavailableError, match="unavailable"):
                 runs.file(following.id, "recording.parquet")
         assert runs.file(following.id, "recording.parquet").is_file()
+
+
+@pytest.mark.parametrize("fails", ["app.runs.store._sync", "app.runs.store.RunStore.unfinished"])
+def test_a_live_walk_that_the_disk_does_not_take_is_refused_and_is_no_run_under_way(tmp_path, monkeypatch, fails):
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    simulation = Simulation(load_robot("hrp2"))
+    log = SessionLog(simulation)
+    for _ in range(40):
+        log.begin()
+        log.end(Command(), simulation.step(Command()))
+    with opened(tmp_path) as runs:
+        with monkeypatch.context() as patch:
+            patch.setattr(fails, no_space)
+            with pytest.raises(RunsUnavailableError, match="No space left"):
+                runs.add_session(log.segments(False), "driven", simulation.robot)
+        assert all(run.status == "failed" and "No space left" in run.reason for run in runs.list())
+        assert runs.add_session(log.segments(False), "driven", simulation.robot).status == "done"
 
 
 @contextmanager

@@ -75,8 +75,9 @@ class SessionKeeper:
         Raises:
             RunsUnavailableError: if the server stops, or the disk does not take the files.
         """
-        draft = self._store.unfinished(uuid4().hex)
+        draft_id, run = uuid4().hex, None
         try:
+            draft = self._store.unfinished(draft_id)
             with self._turn:
                 if self._is_stopping:
                     raise RunsUnavailableError("the server stops", RETRY_AFTER)
@@ -86,9 +87,11 @@ class SessionKeeper:
             self._store.finish(run.id, None)
             return self._store.get(run.id)
         except OSError as error:
+            if run is not None:  # in the list already
+                self._store.fail(run.id, f"could not be kept: {error}")
             raise RunsUnavailableError(f"the walk cannot be kept: {error}", RETRY_AFTER) from error
         finally:
-            self._store.discard(draft.name)
+            self._store.discard(draft_id)
 
     def stop(self) -> None:
         """End the process, if there is one."""
