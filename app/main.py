@@ -73,6 +73,7 @@ def create_app(settings: Settings) -> FastAPI:
     lease = DriverLease()
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality(), lease)
     runner.wait()
+    runner.choose_plant(settings.walk_plant).result()
     runs = _runs(settings)
     streams = sockets.SnapshotStreams(runner)
 

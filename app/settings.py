@@ -35,6 +35,8 @@ class Settings(BaseSettings):
     """Port to listen on; 0 takes a free one."""
     robot: str = "talos"
     """Robot that walks on the page."""
+    walk_plant: Literal["auto", "ideal", "mujoco"] = "auto"
+    """Plant that the joints move at the start: auto takes contact physics where this machine keeps up with it."""
     scene: Literal["full", "light"] = "full"
     """Detail of the scene: light has coarser meshes and no shadows, for browsers without a graphics card."""
     walk_token: SecretStr = SecretStr("")

@@ -30,6 +30,8 @@ class ServeCommand:
     """Port to listen on, 0 for a free one (environment: PORT)."""
     robot: str = field(default_factory=lambda: Settings().robot)
     """Robot that walks on the page (environment: ROBOT)."""
+    plant: Literal["auto", "ideal", "mujoco"] = field(default_factory=lambda: Settings().walk_plant)
+    """Plant that the joints move: auto takes contact physics where this machine keeps up (environment: WALK_PLANT)."""
     scene: Literal["full", "light"] = field(default_factory=lambda: Settings().scene)
     """Light for browsers that render without a graphics card (environment: SCENE)."""
 
@@ -37,7 +39,7 @@ class ServeCommand:
         """Serve until interrupted."""
         from app.main import serve  # loads the server's libraries, which takes a second; other commands need none
 
-        serve(Settings(host=self.host, port=self.port, robot=self.robot, scene=self.scene))
+        serve(Settings(host=self.host, port=self.port, robot=self.robot, walk_plant=self.plant, scene=self.scene))
 
 
 @dataclass(frozen=True, slots=True)

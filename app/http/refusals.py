@@ -26,6 +26,7 @@ BODIES = {
     "push": "push",
     "preview": "push",
     "parameters": "parameters",
+    "world": "world",
     "speed": "speed",
     "random-pushes": "random_pushes",
     "runs": "scenario",

@@ -10,7 +10,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, mo
 from app.live.runner import INTERVALS, SPEEDS, LiveState
 from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
 from walkcore import Push, Reference, Robot, Snapshot
-from walkcore.scenario.recording import row
+from walkcore.scenario.recording import plant_columns, row
 
 
 class Body(BaseModel):
@@ -32,15 +32,22 @@ class ReferenceBody(Body):
 
 
 class PushBody(Body):
-    """An impulse on the CoM."""
+    """An impulse on the robot: with contact physics where it is said, of the model always on the CoM."""
 
     impulse: list[FiniteFloat] = Field(min_length=2, max_length=2, description="[N s]")
     duration: FiniteFloat = Field(default=0.0, ge=0.0, description="[s]; zero gives it all in one tick.")
     frame: Literal["robot", "world"] = Field(default="robot", description="Frame of the impulse.")
+    link: str = Field(default="", max_length=100, description="Joint that moves the pushed link; empty for the torso.")
+    point: list[FiniteFloat] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="Place on that link, in the frame of its joint [m]; at the link's own CoM if missing.",
+    )
 
     def to_push(self) -> Push:
         """The push as a value of the core."""
-        return Push(self.impulse, self.duration, self.frame)  # type: ignore[arg-type]  # a list becomes an array
+        return Push(self.impulse, self.duration, self.frame, self.link, self.point)  # type: ignore[arg-type]  # lists
 
 
 class StepBody(Body):
@@ -193,9 +200,15 @@ def robot_body(robot: Robot) -> RobotBody:
 
 def live_json(state: LiveState) -> dict[str, Any]:
     """The live snapshot: the columns of a recording, the plan, and how the walk keeps up. NaN becomes null."""
-    snapshot = state.snapshot
-    return {name: value if math.isfinite(value) else None for name, value in row(snapshot).items()} | {
+    snapshot, plant = state.snapshot, state.snapshot.plant
+    columns = row(snapshot) | plant_columns(snapshot)
+    return {name: value if math.isfinite(value) else None for name, value in columns.items()} | {
         "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
+        **({} if plant is None else {"q_commanded": _finite(plant.q_commanded.tolist())}),
+        "plant": state.plant,
+        "plant_reason": state.plant_reason,
+        "world": state.world.to_mapping(),
+        "twin_difference": state.twin_difference,
         "plan": plan_json(snapshot),
         "timing": _timing_json(state),
         "running": state.running,

@@ -15,14 +15,18 @@ import numpy as np
 
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
+from app.live.plant_choice import PlantChoice, suitable_plant
 from app.live.session_log import SessionLog
 from app.live.tick_scheduler import TickScheduler
 from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
+from walkcore.analysis.twin import TwinMonitor
+from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import HalfPlanes
 from walkcore.mpc.stance import Side
 from walkcore.mpc.supports import CaptureSets
+from walkcore.plant.world import PERFECT, World
 from walkcore.stages import Stopwatch, TimeLeft, unlimited
 from walkcore.state import SimulationState
 
@@ -69,7 +73,8 @@ class Control:
         self.parameters = parameters
         self._publish, self._clock = publish, clock
         self._stopwatch = Stopwatch(clock)
-        self._simulation = Simulation(robot, parameters, self._stopwatch)
+        world = PERFECT if resumed is None else resumed.world
+        self._simulation = Simulation(robot, parameters, self._stopwatch, world=world)
         self._scheduler = TickScheduler(parameters.control_period, clock)
         self._is_started = False
         self._command, self._commanded_at = NO_REFERENCE, 0.0
@@ -77,6 +82,7 @@ class Control:
         self._random_pusher: RandomPusher | None = None
         self._prepared_for, self._prepared = 0, dict[str, Mapping[Side, tuple[HalfPlanes, ...]]]()
         self._robot, self._recovery = robot, PushRecoveryMonitor()
+        self._twin = TwinMonitor()
         self._log = SessionLog(self._simulation)
         self.latest = self._first_state() if resumed is None else self._resumed_state(resumed)
         publish(self.latest)
@@ -85,8 +91,8 @@ class Control:
         self._log.begin()
         first = self._simulation.step()
         self._log.end(Command(), first)
-        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
-        return replace(state, next_state=self._simulation.state)
+        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver, plant=self.parameters.plant)
+        return replace(state, next_state=self._simulation.state, world=self._simulation.world)
 
     def _resumed_state(self, resumed: LiveState) -> LiveState:
         if resumed.random_pushes is not None:
@@ -99,6 +105,7 @@ class Control:
                 running=resumed.running,
                 speed=resumed.speed,
                 random_pushes=resumed.random_pushes,
+                plant_reason=resumed.plant_reason,
             )
         self._scheduler.real_t = resumed.real_t
         return replace(
@@ -211,10 +218,54 @@ class Control:
 
     def reset(self) -> LiveState:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        self._command, self._push = NO_REFERENCE, None
-        self._recovery = PushRecoveryMonitor()
-        self._log.reset()
+        self._log.reset(self._simulation)
         self._simulation.reset()
+        return self._begin()
+
+    def choose_plant(self, choice: PlantChoice) -> Parameters:
+        """Begin anew with a plant, or with the one that suits this machine, and return all parameters."""
+        parameters, why = suitable_plant(self._robot, self.parameters, choice, self._clock)
+        self._publish(self.latest)  # the measurement was silent
+        return self._begin_with(parameters, self.latest.world, why)
+
+    def begin(self, values: Mapping[str, Any], world: Mapping[str, Any]) -> Parameters:
+        """Begin anew with some parameters changed, the plant among them, in another world; return all parameters.
+
+        Args:
+            values: of parameters by name.
+            world: values of `World` by name; the ideal plant knows the perfect world only.
+
+        Raises:
+            WalkError: if that cannot be; nothing has changed then.
+        """
+        parameters = self.parameters.changed(values)
+        self.parameters.check_change(replace(parameters, plant=self.parameters.plant))
+        changed = self.latest.world.changed(world)
+        if parameters.plant == "ideal":
+            if world and changed != PERFECT:
+                raise InvalidValueError("world", dict(world), "needs plant: mujoco; the ideal plant has no other world")
+            changed = PERFECT
+        why = self.latest.plant_reason
+        if parameters.plant != self.parameters.plant:
+            why = "the ideal model, as chosen" if parameters.plant == "ideal" else "contact physics, as chosen"
+        return self._begin_with(parameters, changed, why)
+
+    def _begin_with(self, parameters: Parameters, world: World, why: str) -> Parameters:
+        is_same = (parameters, world) == (self.parameters, self.latest.world)
+        simulation = None if is_same else Simulation(self._robot, parameters, self._stopwatch, world=world)
+        self.latest = replace(self.latest, plant=parameters.plant, plant_reason=why, world=world)
+        if simulation is None:
+            self._publish(self.latest)
+            return self.parameters
+        self._log.reset(simulation)
+        self._simulation, self.parameters = simulation, parameters
+        self._begin()
+        return self.parameters
+
+    def _begin(self) -> LiveState:
+        """Take the first tick of a robot at rest."""
+        self._command, self._push = NO_REFERENCE, None
+        self._recovery, self._twin = PushRecoveryMonitor(), TwinMonitor()
         self._scheduler.reset_real_t()
         self._take_tick()
         self._scheduler.restart()
@@ -264,6 +315,7 @@ class Control:
         self._scheduler.record(self._clock() - started, self._stopwatch.laps)
         self._log.end(command, snapshot)
         self._recovery.update(balance_state(snapshot, self._robot.mass))
+        self._twin.update(snapshot)
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,
@@ -273,6 +325,7 @@ class Control:
             real_t=self._scheduler.real_t,
             last_push=self._recovery.last,
             next_state=self._simulation.state,
+            twin_difference=self._twin.difference,
         )
 
     def _next_push(self) -> Push | None:

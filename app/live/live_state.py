@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
+from walkcore.plant.world import PERFECT, World
 from walkcore.state import SimulationState
 
 
@@ -73,3 +74,11 @@ class LiveState:
     """Settings of the random pushes; None while they are off."""
     next_state: SimulationState | None = None
     """State before the coming tick, with which another control process can go on."""
+    plant: str = "ideal"
+    """Plant that the joints move: a name of `walkcore.parameters.PLANTS`."""
+    plant_reason: str = ""
+    """Why it is that plant, as a sentence."""
+    world: World = PERFECT
+    """World that a plant with contact physics stands in."""
+    twin_difference: str = ""
+    """Difference between the robot and its ideal twin, as a sentence; empty where there is no twin."""

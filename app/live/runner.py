@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,11 @@ from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
 from app.live.messages import NoResponseError
 from app.live.parameter_changes import ParameterChanges
+from app.live.plant_choice import PlantChoice
 from app.live.supervisor import Supervisor
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
+from walkcore.errors import InvalidValueError
+from walkcore.motion.whole_body import WholeBody
 from walkcore.values import check_range
 
 __all__ = ["LiveState", "NoResponseError", "NotPausedError", "NothingToSaveError", "Runner", "TeleopClient"]
@@ -124,11 +128,24 @@ class Runner:
         """Begin a push at the next tick.
 
         Raises:
-            InvalidValueError: if it is beyond a limit.
+            InvalidValueError: if it is beyond a limit, or on a link that the robot does not have.
             NoResponseError: if the control process does not respond at the moment.
         """
-        checked = self.robot.check_push(push)
+        checked = self._checked_push(push)
         self._supervisor.link.push(checked)
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Joints that move the links that can be pushed, by name; none of a point mass."""
+        return () if self.robot.body is None else WholeBody(self.robot.body).joint_names
+
+    def _checked_push(self, push: Push) -> Push:
+        if push.link and push.link not in self.links:
+            limit = (
+                f"must be one of {', '.join(self.links)}" if self.links else "must be empty: this robot is a point mass"
+            )
+            raise InvalidValueError("push.link", push.link, limit)
+        return self.robot.check_push(push)
 
     def pause(self) -> Future[LiveState]:
         """Stop time."""
@@ -147,8 +164,23 @@ class Runner:
         return self._request(Control.step_samples, samples)
 
     def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
-        """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be."""
+        """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be.
+
+        Another plant holds for a whole walk, so the robot begins anew with it.
+        """
+        if values.get("plant", self.parameters.plant) != self.parameters.plant:
+            return self.begin(values, {})
         return self._changes.request(values)
+
+    def choose_plant(self, choice: PlantChoice) -> Future[Parameters]:
+        """Begin anew with a plant; "auto" takes contact physics where this machine keeps up with it."""
+        self._command = NO_REFERENCE
+        return self._request(Control.choose_plant, choice, convert=self._take_parameters)
+
+    def begin(self, values: Mapping[str, Any], world: Mapping[str, Any]) -> Future[Parameters]:
+        """Begin anew with some parameters changed, the plant among them, and in a changed world; fails as `change`."""
+        self._command = NO_REFERENCE
+        return self._request(Control.begin, dict(values), dict(world), convert=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
@@ -194,6 +226,10 @@ class Runner:
         As `Session.unpacked` reads it: to unpack it is work for a process that has the time.
         """
         return self._request(Control.save, is_before_reset)
+
+    def _take_parameters(self, parameters: Parameters) -> Parameters:
+        self._supervisor.parameters = parameters
+        return parameters
 
     def _request(
         self, method: Callable[..., Any], *arguments: Any, convert: Callable[[Any], Any] | None = None
@@ -265,4 +301,4 @@ def _clamped(push: Push, max_push: float) -> Push:
     if strength <= max_push:
         return push
     shrunk = push.impulse * (max_push / strength * (1.0 - 1e-9))  # so that rounding stays below the limit
-    return Push(shrunk, push.duration, push.frame)
+    return replace(push, impulse=shrunk)

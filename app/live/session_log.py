@@ -16,6 +16,7 @@ import numpy as np
 from walkcore import Command, Parameters, Robot, Simulation, Snapshot
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.plan import Plan
+from walkcore.plant.world import PERFECT, World
 from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.scenario.session import session_scenario
@@ -23,7 +24,7 @@ from walkcore.state import SimulationState
 from walkcore.values import frozen_copy
 
 KEPT = 60.0  # [s] at least, of simulated time
-TICKS_PER_SEGMENT = 20  # so few that packing them takes less than 1 ms, and that they go by one message
+TICKS_PER_SEGMENT = 10  # so few that packing them takes less than 1 ms, and that they go by one message
 NOTHING = frozen_copy(np.zeros((0, 2)))
 
 
@@ -37,6 +38,8 @@ class Segment:
     ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
     changes: dict[int, Parameters] = field(default_factory=dict)
     """Parameters that came into force before a tick, by its index in this segment."""
+    world: World = PERFECT
+    """World that the plant stands in."""
 
 
 class SessionLog:
@@ -51,11 +54,11 @@ class SessionLog:
         self._growing: Segment | None = None
         self._before_reset: list[bytes] = []
 
-    def reset(self) -> None:
-        """Set the walk so far aside until the next reset: the simulation begins anew."""
+    def reset(self, simulation: Simulation) -> None:
+        """Set the walk so far aside until the next reset: a simulation begins anew, the same or another one."""
         self._before_reset = self.segments(False)
         self._packed.clear()
-        self._growing = None
+        self._growing, self._simulation = None, simulation
 
     def begin(self) -> None:
         """Note the state before a tick where a segment begins with it."""
@@ -63,7 +66,8 @@ class SessionLog:
             return
         if self._growing is not None:
             self._full.append(self._growing)
-        self._growing = Segment(self._simulation.parameters, self._simulation.state)
+        now = self._simulation
+        self._growing = Segment(now.parameters, now.state, world=now.world)
 
     def end(self, command: Command, snapshot: Snapshot) -> None:
         """Add the tick that `begin` announced."""
@@ -96,8 +100,12 @@ def _packed(segment: Segment) -> bytes:
 
 def _light(snapshot: Snapshot) -> Snapshot:
     """The snapshot without the trajectories of its plan, which no recording has."""
-    plan = snapshot.plan
-    return replace(snapshot, plan=None if plan is None else _light_plan(plan))
+    plan, twin = snapshot.plan, snapshot.twin
+    return replace(
+        snapshot,
+        plan=None if plan is None else _light_plan(plan),
+        twin=None if twin is None else _light(twin),
+    )
 
 
 def _light_plan(plan: Plan) -> Plan:
@@ -125,7 +133,8 @@ class Session:
         ticks = [tick for segment in self.segments for tick in segment.ticks]
         first = self.segments[0]
         commands = [command for command, _ in ticks]
-        mapping = session_scenario(name, robot.name, first.parameters, first.state, commands, dict(self._changes()))
+        changes = dict(self._changes())
+        mapping = session_scenario(name, robot.name, first.parameters, first.state, commands, changes, first.world)
         body = None if robot.body is None else WholeBody(robot.body)
         return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
 

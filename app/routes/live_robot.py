@@ -56,9 +56,25 @@ async def defaults(runner: LiveRunner) -> dict[str, Any]:
 
 @router.patch("/parameters")
 async def change(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
-    """Change some parameters while the robot walks, the scheme included; returns all of them."""
+    """Change some parameters while the robot walks, the scheme included; returns all of them.
+
+    Another `plant` resets the robot, since it holds for a whole walk. A `twin` may come and go at any time.
+    """
     await asyncio.wrap_future(runner.change(values))
     return runner.parameters.to_mapping()
+
+
+@router.get("/world")
+async def world(runner: LiveRunner) -> dict[str, Any]:
+    """The world that a plant with contact physics stands in."""
+    return runner.latest.world.to_mapping()
+
+
+@router.patch("/world")
+async def change_world(values: dict[str, Any], runner: LiveRunner) -> dict[str, Any]:
+    """Change some of the world, as the key `world` of a scenario; the robot is reset into it. Returns all of it."""
+    await asyncio.wrap_future(runner.begin({}, values))
+    return runner.latest.world.to_mapping()
 
 
 @router.post("/push")
@@ -70,7 +86,7 @@ async def push(body: PushBody, runner: LiveRunner) -> PushBody:
 
 @router.post("/preview")
 async def preview(body: PushBody, runner: LiveRunner) -> dict[str, Any]:
-    """The plan that would follow this push if it came now, all at once; the robot does not feel it.
+    """The plan that would follow this push of the model if it came now, all at once; the robot does not feel it.
 
     `survives` is true if the legs are long enough for that plan, and further steps can catch the robot at its end.
     """

@@ -96,8 +96,8 @@ def _twin(walk: Walk, is_up: Mask) -> dict[str, Any]:
     """The robot against the ideal one beside it."""
     if not has_column(walk, "twin_com_x"):
         return {"twin_distance": None}
-    is_twin_up = walk["twin_status"] != Status.FALLEN
     distance = np.hypot(*(points(walk, "measured_com") - points(walk, "twin_com")).T)
+    is_twin_up = walk["twin_status"] != Status.FALLEN
     return {
         "twin_distance": _percentile(distance[is_up & is_twin_up], 100),
         "twin_has_fallen": not bool(is_twin_up.all()),

@@ -4,6 +4,9 @@ import numpy as np
 
 from walkcore.analysis.columns import Walk, has_column, nb_rows_up, points, touchdowns
 from walkcore.mpc.plan import Status
+from walkcore.mpc.stance import Side
+from walkcore.snapshot import Snapshot
+from walkcore.values import Vector
 
 
 def twin_difference(walk: Walk) -> str:
@@ -16,32 +19,88 @@ def twin_difference(walk: Walk) -> str:
         return ""
     fallen_twin = np.flatnonzero(walk["twin_status"] == Status.FALLEN)
     end, end_of_twin = nb_rows_up(walk), int(fallen_twin[0]) if len(fallen_twin) else len(walk["status"])
-    foot = f"its {_last_footstep(walk, min(end, end_of_twin))}"
-    match end < len(walk["status"]), end_of_twin < len(walk["status"]):
-        case True, False:
-            return f"the model went on; the robot fell, {foot}"
-        case False, True:
-            return "the model lost its balance; the robot went on"
-        case True, True:
-            seconds = (end - end_of_twin) * float(walk.parameters["control_period"])
-            which = "later" if seconds >= 0 else "earlier"
-            return f"both fell, the robot {abs(seconds):.1f} s {which} than the model"
-        case _:
-            distance = np.hypot(*(points(walk, "measured_com") - points(walk, "twin_com"))[-1])
-            return f"both are up, {100 * distance:.0f} cm from each other at the end"
+    period, nb_rows = float(walk.parameters["control_period"]), len(walk["status"])
+    distances = np.hypot(*(points(walk, "measured_com") - points(walk, "twin_com")).T)
+    distance = distances[np.isfinite(distances)][-1]  # a twin may come and go
+    return _in_words(
+        None if end == nb_rows else end * period,
+        None if end_of_twin == nb_rows else end_of_twin * period,
+        _longer_than_the_models(walk, min(end, end_of_twin)),
+        f"{100 * distance:.0f} cm from each other at the end",
+    )
 
 
-def _last_footstep(walk: Walk, end: int) -> str:
-    """How far the last footstep before a row lies from that of the twin, relative to the foot that stood."""
+class TwinMonitor:
+    """Follows a robot and its ideal twin tick by tick, and tells their difference as `twin_difference` does."""
+
+    def __init__(self) -> None:
+        """Begin before the first tick."""
+        self.difference = ""
+        """One sentence; empty without a twin."""
+        self._before: Snapshot | None = None
+        self._fell_at: float | None = None
+        self._twin_fell_at: float | None = None
+        self._longer: float | None = None
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Add the snapshot of a tick."""
+        before, self._before = self._before, snapshot
+        twin, plant = snapshot.twin, snapshot.plant
+        if twin is None or plant is None:
+            self.difference, self._fell_at, self._twin_fell_at, self._longer = "", None, None, None
+            return
+        has_fallen, has_twin_fallen = snapshot.status is Status.FALLEN, twin.status is Status.FALLEN
+        if not has_fallen and not has_twin_fallen:
+            for side in Side:
+                if before is not None and before.feet[side].height > 0.0 == snapshot.feet[side].height:
+                    step = [plant.measured.soles[s].position[:2] for s in (side, side.other)]
+                    twin_step = [twin.feet[s].position for s in (side, side.other)]
+                    self._longer = _length(*step) - _length(*twin_step)
+        if has_fallen and self._fell_at is None:
+            self._fell_at = snapshot.t
+        if has_twin_fallen and self._twin_fell_at is None:
+            self._twin_fell_at = snapshot.t
+        distance = _length(plant.measured.com[:2], twin.com.position)
+        distance_now = f"{100 * distance:.0f} cm from each other"
+        self.difference = _in_words(self._fell_at, self._twin_fell_at, self._longer, distance_now)
+
+
+def _in_words(fell_at: float | None, twin_fell_at: float | None, longer: float | None, distance: str) -> str:
+    """The difference as one sentence.
+
+    Args:
+        fell_at: time at which the robot fell [s]; None while it is up.
+        twin_fell_at: time at which the twin fell [s]; None while it is up.
+        longer: by how much the last step of the robot was longer than the twin's [m]; None before the first one.
+        distance: of both, in words.
+    """
+    if fell_at is not None and twin_fell_at is not None:
+        which = "later" if fell_at >= twin_fell_at else "earlier"
+        return f"both fell, the robot {abs(fell_at - twin_fell_at):.1f} s {which} than the model"
+    if twin_fell_at is not None:
+        return "the model lost its balance; the robot went on"
+    if fell_at is None:
+        return f"both are up, {distance}"
+    foot = "its feet where the model's were"
+    if longer is not None:
+        foot = f"its last step {100 * abs(longer):.0f} cm {'longer' if longer >= 0 else 'shorter'} than the model's"
+    return f"the model went on; the robot fell, {foot}"
+
+
+def _length(one: Vector, other: Vector) -> float:
+    return float(np.hypot(*(one - other)))
+
+
+def _longer_than_the_models(walk: Walk, end: int) -> float | None:
+    """By how much the last step before a row was longer than the twin's [m]; None where there was none."""
     landed = touchdowns(walk)
     landed = landed[landed < end]
     if not len(landed):
-        return "feet where the model's were"
+        return None
     k = int(landed[-1])
     moved = "left" if walk["left_z"][k - 1] > 0.0 else "right"
     stood = "right" if moved == "left" else "left"
     step = [
         (points(walk, f"{prefix}{moved}") - points(walk, f"{prefix}{stood}"))[k] for prefix in ("measured_", "twin_")
     ]
-    short = float(np.hypot(*step[1]) - np.hypot(*step[0]))
-    return f"last step {100 * abs(short):.0f} cm {'shorter' if short > 0 else 'longer'} than the model's"
+    return float(np.hypot(*step[0]) - np.hypot(*step[1]))

@@ -59,8 +59,15 @@ def row(snapshot: Snapshot) -> dict[str, float]:
     return columns
 
 
-def _plant_columns(plant: PlantTick) -> dict[str, float]:
-    """The columns of a plant that is not the ideal one."""
+def plant_columns(snapshot: Snapshot) -> dict[str, float]:
+    """The columns of a plant that is not the ideal one, but for its joints, and of the ideal twin; empty without."""
+    columns = {} if snapshot.plant is None else _measured_columns(snapshot.plant)
+    if snapshot.twin is not None:
+        columns |= {f"twin_{name}": value for name, value in row(snapshot.twin).items() if name in TWIN_COLUMNS}
+    return columns
+
+
+def _measured_columns(plant: PlantTick) -> dict[str, float]:
     columns: dict[str, float] = {}
     body = plant.measured
     names = tuple(f"measured_com_{c}" for c in ("x", "y", "z", "vx", "vy"))
@@ -73,7 +80,7 @@ def _plant_columns(plant: PlantTick) -> dict[str, float]:
         _put(columns, (f"{name}_x", f"{name}_y"), NOWHERE[:2] if cop is None else cop)
     _put(columns, ("left_force", "right_force"), (plant.contact.forces[side] for side in Side))
     _put(columns, ("dcm_error_x", "dcm_error_y"), plant.dcm_error)
-    return columns | {f"q_commanded_{i}": float(angle) for i, angle in enumerate(plant.q_commanded)}
+    return columns
 
 
 def _put(columns: dict[str, float], names: tuple[str, ...], values: Any) -> None:
@@ -230,7 +237,7 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         body: of the scenario's robot, for what its kinematics tell; None if it has none.
     """
     columns: tuple[str, ...] = ()
-    rows: list[list[float]] = []
+    rows: list[dict[str, float]] = []
     efforts: list[Vector] = []
     reason = ""
     for snapshot in snapshots:
@@ -241,18 +248,18 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         more |= {"step_duration": snapshot.step_duration, "next_step_duration": snapshot.next_step_duration}
         later = [foot.yaw for foot in (snapshot.plan.footholds[2:] if snapshot.plan is not None else ())]
         _put(more, ("foothold3_yaw", "foothold4_yaw"), [*later, math.nan, math.nan][:2])
+        more |= plant_columns(snapshot)
         if snapshot.plant is not None:
-            more |= _plant_columns(snapshot.plant)
-        if snapshot.twin is not None:
-            more |= {f"twin_{name}": value for name, value in row(snapshot.twin).items() if name in TWIN_COLUMNS}
+            more |= {f"q_commanded_{i}": float(angle) for i, angle in enumerate(snapshot.plant.q_commanded)}
         joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
-        columns = columns or (*values, *joints, *more)
-        rows.append([*values.values(), *joints.values(), *more.values()])
+        rows.append(values | joints | more)
+        if len(rows[-1]) != len(columns):  # a twin may come and go
+            columns = tuple(dict.fromkeys((*columns, *rows[-1])))
         if snapshot.status is Status.FALLEN:
             reason = reason or snapshot.reason
         if body is not None:
             efforts.append(_effort(body, snapshot))
-    table = np.array(rows)
+    table = np.array([[values.get(name, math.nan) for name in columns] for values in rows])
     use = None if body is None else _body_use(body, table, columns, np.array(efforts), scenario.parameters)
     return Recording(
         scenario=scenario,

@@ -1,0 +1,56 @@
+"""The plant with which a live walk begins: contact physics where this machine keeps up, else the ideal model."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+from walkcore import Command, Parameters, Reference, Robot, Simulation
+from walkcore.errors import WalkError
+
+PlantChoice = Literal["auto", "ideal", "mujoco"]
+PHYSICS = "mujoco"
+MEASURED_TICKS = 200
+MEASURED_TIME = 1.0  # [s] after which a machine is known to be too slow
+LARGEST_SHARE = 0.6  # of the period that the mean tick may take: the page needs the rest
+WALKING = Command(Reference(vx=0.3))
+
+
+def suitable_plant(
+    robot: Robot,
+    parameters: Parameters,
+    choice: PlantChoice,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[Parameters, str]:
+    """The parameters with the plant to begin with, and a sentence that tells why it is that one.
+
+    Args:
+        robot: to walk.
+        parameters: of the walk.
+        choice: a plant, or "auto", which measures some ticks with contact physics.
+        clock: reads the time on the wall [s].
+    """
+    ideal = replace(parameters, plant="ideal")
+    if choice == "ideal":
+        return ideal, "the ideal model, as chosen"
+    physics = replace(parameters, plant=PHYSICS)
+    try:
+        simulation = Simulation(robot, physics)
+    except WalkError as refusal:
+        return ideal, f"the ideal model: {refusal}"
+    if choice == PHYSICS:
+        return physics, "contact physics, as chosen"
+    mean, period = _mean_tick(simulation, clock), parameters.control_period
+    measured = f"{1e3 * mean:.1f} of {1e3 * period:g} ms"
+    if mean <= LARGEST_SHARE * period:
+        return physics, f"contact physics: a tick takes {measured} on this machine"
+    return ideal, f"the ideal model: with contact physics a tick would take {measured} on this machine"
+
+
+def _mean_tick(simulation: Simulation, clock: Callable[[], float]) -> float:
+    """Mean time of the first ticks of a walk [s]."""
+    started, nb_ticks = clock(), 0
+    while nb_ticks < MEASURED_TICKS and clock() - started <= MEASURED_TIME:
+        simulation.step(WALKING)
+        nb_ticks += 1
+    return (clock() - started) / nb_ticks
