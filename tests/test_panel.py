@@ -50,10 +50,11 @@ def test_plots_hold_each_point_once_and_start_anew_after_a_reset(viser_server, w
 
 def test_plots_show_the_cop_within_its_bounds_and_the_velocity_with_its_reference(walk):
     for snapshot in walk:
-        forward, vx, left, vy, *cops = plotted(snapshot)
+        forward, vx, left, vy, *cops = plotted(snapshot)[:14]
         assert (vx, vy) == (snapshot.reference.vx, snapshot.reference.vy)
         assert np.hypot(forward, left) == pytest.approx(np.linalg.norm(snapshot.com.velocity))
-        for cop, true_cop, low, high in (cops[:4], cops[4:]):
+        for cop, true_cop, contact, low, high in (cops[:5], cops[5:]):
+            assert np.isnan(contact)  # an ideal plant
             assert low - 1e-6 <= cop <= high + 1e-6 and true_cop == cop  # a point mass
 
 

@@ -1,4 +1,4 @@
-"""Live plots: velocity against the reference, centres of pressure against their bounds, computation of a tick."""
+"""Live plots: velocity against the reference, centres of pressure within their bounds, physics, time of a tick."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -7,14 +7,27 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.drawing.palette import COM, COP_TRAIL, DCM, REFERENCE, SUPPORT, TRUE_COP, Colour
+from app.drawing.palette import (
+    COM,
+    COP_TRAIL,
+    DCM,
+    GROUND_COP,
+    LEFT_FOOT,
+    REFERENCE,
+    RIGHT_FOOT,
+    SUPPORT,
+    TRUE_COP,
+    Colour,
+)
 from app.live.runner import LiveState
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
+from walkcore.mpc.stance import Side
 from walkcore.values import rotation
 
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
+NOWHERE = np.full(2, np.nan)  # a point that there is not, which no plot draws
 HEIGHT = 128  # pixels
 
 
@@ -36,6 +49,7 @@ class Line:
 COP_LINES = (
     Line("CoP", COP_TRAIL),
     Line("true", TRUE_COP),
+    Line("contact", GROUND_COP),
     Line("from", SUPPORT, is_dashed=True),
     Line("to", SUPPORT, is_dashed=True),
 )
@@ -48,6 +62,8 @@ PLOTS = {
     ),
     "CoP forward of the support foot [m]": COP_LINES,
     "CoP left of the support foot [m]": COP_LINES,
+    "DCM error, measured against model [m]": (Line("forward", COM), Line("left", DCM)),
+    "force on the soles [N]": (Line("left", LEFT_FOOT), Line("right", RIGHT_FOOT)),
     "tick [ms]": (Line("mean", COM),),
 }
 
@@ -105,11 +121,16 @@ def plotted(snapshot: Snapshot) -> list[float]:
     """Values of all lines but the last plot's, in the order of `PLOTS`."""
     reference, foot = snapshot.reference, snapshot.support
     forward, left = (snapshot.com.velocity @ rotation(snapshot.heading)).tolist()
+    plant = snapshot.plant
     true_cop = snapshot.cop if snapshot.true_cop is None else snapshot.true_cop
-    places = np.vstack([snapshot.cop, true_cop, snapshot.stance.polygon])
-    cop, true_cop, *corners = ((places - foot.position) @ rotation(foot.yaw)).tolist()
+    contact = NOWHERE if plant is None or plant.contact.cop is None else plant.contact.cop
+    places = np.vstack([snapshot.cop, true_cop, contact, snapshot.stance.polygon])
+    cop, true_cop, contact, *corners = ((places - foot.position) @ rotation(foot.yaw)).tolist()
     values = [forward, reference.vx, left, reference.vy]
     for axis in range(2):
         bounds = [corner[axis] for corner in corners]
-        values += [cop[axis], true_cop[axis], min(bounds), max(bounds)]
-    return values
+        values += [cop[axis], true_cop[axis], contact[axis], min(bounds), max(bounds)]
+    if plant is None:
+        return [*values, *4 * [np.nan]]
+    forces = plant.contact.forces
+    return [*values, *(plant.dcm_error @ rotation(snapshot.heading)).tolist(), forces[Side.LEFT], forces[Side.RIGHT]]

@@ -9,9 +9,19 @@ from functools import partial
 
 from app.drawing import palette
 from app.drawing.palette import Colour
+from app.viewer.scene.foot_forces import FootForcesDrawing
 from app.viewer.scene.footprints import PastFootprints, PlannedFootholds
 from app.viewer.scene.frame import Canvas, Drawing
-from app.viewer.scene.points import FULL_COP, MODEL_COP, MODEL_DCM, CentreOfMassDrawing, PointDrawing
+from app.viewer.scene.ghosts import COMMANDED_BODY, TWIN_BODY, GhostDrawing
+from app.viewer.scene.points import (
+    CONTACT_COP,
+    FULL_COP,
+    MEASURED,
+    MODEL_COP,
+    MODEL_DCM,
+    CentreOfMassDrawing,
+    PointDrawing,
+)
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
 from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_polygon, support_polygon
@@ -33,7 +43,17 @@ class Layer:
 
 
 LAYERS = {
-    "robot": Layer("robot", "The robot itself", draw=robot_drawing),
+    "robot": Layer("robot", "The robot itself, as it is", draw=robot_drawing),
+    "commanded": Layer(
+        "commanded",
+        "The configuration that is commanded",
+        palette.COMMANDED,
+        partial(GhostDrawing, COMMANDED_BODY),
+        False,
+    ),
+    "twin": Layer(
+        "twin", "The model on the same commands, drawn one metre aside", palette.TWIN, partial(GhostDrawing, TWIN_BODY)
+    ),
     "footprints": Layer(
         "past footsteps", "Soles where they stood: left darker, right lighter", palette.LEFT_FOOT, PastFootprints
     ),
@@ -55,11 +75,25 @@ LAYERS = {
         palette.TRUE_COP,
         partial(PointDrawing, FULL_COP),
     ),
+    "ground_cop": Layer(
+        "contact CoP",
+        "Centre of pressure of the contact forces, in physics",
+        palette.GROUND_COP,
+        partial(PointDrawing, CONTACT_COP),
+    ),
+    "forces": Layer("foot force", "Normal force on each sole, in physics", palette.FOOT_FORCE, FootForcesDrawing),
     "capture_point": Layer(
         "capture point",
         "DCM c + dc/ω: a foot there would stop the robot",
         palette.DCM,
         partial(PointDrawing, MODEL_DCM),
+        is_on=False,
+    ),
+    "measured_dcm": Layer(
+        "measured DCM",
+        "DCM of the body in physics, beside the planned one",
+        palette.MEASURED_DCM,
+        partial(PointDrawing, MEASURED),
         is_on=False,
     ),
     "trails": Layer("trails", "Where these points were during the last two seconds", is_on=False),

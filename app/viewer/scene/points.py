@@ -5,7 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.drawing.palette import COM, COP, COP_TRAIL, DCM, GRID_CELL, TRUE_COP, Colour
+from app.drawing.palette import (
+    COM,
+    COP,
+    COP_TRAIL,
+    DCM,
+    GRID_CELL,
+    GROUND_COP,
+    MEASURED_DCM,
+    TRUE_COP,
+    Colour,
+)
 from app.viewer.scene.frame import TRAIL_POINTS, Canvas, Frame
 from app.viewer.scene.primitives import add_dot, add_lines, path
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -33,9 +43,32 @@ class PointStyle:
     """Height of the dot [m], so that none hides another."""
 
 
-CENTRE_OF_MASS = PointStyle(lambda now: now.com.position, lambda plan: plan.com, COM, COM, 0.016, 0.009)
+def body_com(snapshot: Snapshot) -> Vector:
+    """Horizontal position of the CoM as it is [m], shape (2,): the measured one where the plant is not ideal."""
+    return snapshot.com.position if snapshot.plant is None else snapshot.plant.measured.com[:2]
+
+
+def ground_cop(snapshot: Snapshot) -> Vector | None:
+    """Centre of pressure of the contact forces [m], shape (2,); None without physics, or where nothing is carried."""
+    return None if snapshot.plant is None else snapshot.plant.contact.cop
+
+
+def measured_dcm(snapshot: Snapshot) -> Vector | None:
+    """DCM of the body as it is, where the model has its own [m], shape (2,); None without physics.
+
+    The dynamic filter moves the body's CoM against the model's, which is taken off.
+    """
+    if snapshot.plant is None:
+        return None
+    body = snapshot.plant.measured
+    return body.com[:2] - snapshot.com_offset + body.com_velocity[:2] / snapshot.pendulum.omega
+
+
+CENTRE_OF_MASS = PointStyle(body_com, lambda plan: plan.com, COM, COM, 0.016, 0.009)
 MODEL_COP = PointStyle(lambda now: now.cop, lambda plan: plan.cop, COP, COP_TRAIL, 0.020, 0.011)
 FULL_COP = PointStyle(lambda now: now.true_cop, lambda _: None, TRUE_COP, TRUE_COP, 0.015, 0.013)
+CONTACT_COP = PointStyle(ground_cop, lambda _: None, GROUND_COP, GROUND_COP, 0.011, 0.017)
+MEASURED = PointStyle(measured_dcm, lambda _: None, MEASURED_DCM, MEASURED_DCM, 0.012, 0.019)
 MODEL_DCM = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, DCM, DCM, 0.017, 0.015)
 
 
@@ -100,8 +133,9 @@ class CentreOfMassDrawing:
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Put ball, line and dot in place."""
         self._point.update(updates, frame)
-        updates.on_ground(self._mass, frame.snapshot.com.position)
-        height = round(frame.snapshot.com_height, 3)
+        snapshot = frame.snapshot
+        updates.on_ground(self._mass, body_com(snapshot))
+        height = round(snapshot.com_height if snapshot.plant is None else float(snapshot.plant.measured.com[2]), 3)
         if height != self._height:
             self._height = height
             top = (0.0, 0.0, height)

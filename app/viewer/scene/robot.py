@@ -43,7 +43,7 @@ class BodyDrawing:
         self._has_fallen = self._is_translucent = False
         feet = {model.frames[model.getFrameId(body.sole(side))].parentJoint for side in Side}
         parts = body_parts(body, model, canvas.quality.face_ratio)
-        nodes = _add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
+        nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):
             name = f"{nodes[part.joint]}/{index}"
@@ -81,10 +81,19 @@ class BodyDrawing:
                 updates.properties(name, opacity=opacity, cast_shadow=not is_translucent)
 
 
-def _add_joints(server: viser.ViserServer, root: str, model: Any, drawn: set[int]) -> dict[int, str]:
+def add_joints(server: viser.ViserServer, root: str, model: Any, drawn: set[int]) -> dict[int, str]:
     """Make a frame for each joint that moves something drawn, within that of its parent joint.
 
     So a revolute joint only turns, and its place in the parent's frame need not be sent.
+
+    Args:
+        server: gets the frames.
+        root: path of the node that carries them.
+        model: of Pinocchio.
+        drawn: indices of the joints.
+
+    Returns:
+        The path of each frame, by the index of its joint.
     """
     parents = list(model.parents)
     chains = {joint for last in drawn for joint in _ancestry(parents, last)}

@@ -11,6 +11,7 @@ import viser
 from app.drawing.palette import GRID_CELL, GRID_SECTION, GROUND
 from app.viewer.scene.frame import FRAMES_PER_LINE, Aim, Canvas, Drawing, Frame, History, RenderQuality
 from app.viewer.scene.layers import LAYERS
+from app.viewer.scene.points import body_com
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 
@@ -81,7 +82,7 @@ class Scene:
 
     def _scroll(self, snapshot: Snapshot, elapsed: float) -> None:
         """Keep the robot in the middle, and the grid below it: by whole sections, so that it never ends."""
-        robot, (x, y) = snapshot.com.position.tolist(), self._middle
+        robot, (x, y) = body_com(snapshot).tolist(), self._middle
         if not math.dist(robot, (x, y)) < MAX_DISTANCE:
             x, y = robot
         share = 1.0 - math.exp(-elapsed / FOLLOW_TIME)

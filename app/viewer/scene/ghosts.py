@@ -1,0 +1,77 @@
+"""Translucent bodies beside the robot: the commanded configuration, and the ideal twin."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
+
+from app.drawing.palette import COMMANDED, TWIN, Colour
+from app.viewer.scene.frame import LIGHT, Canvas, Frame
+from app.viewer.scene.joints import joint_of
+from app.viewer.scene.robot import add_joints
+from app.viewer.scene.robot_mesh import BodyPart, body_parts
+from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.transport.viser_private import add_mesh
+from walkcore import Snapshot
+from walkcore.robot import BodyModel
+from walkcore.values import Vector
+
+OPACITY = 0.32
+
+
+@dataclass(frozen=True, slots=True)
+class GhostStyle:
+    """Body that is drawn, and how."""
+
+    configuration: Callable[[Snapshot], Vector | None]
+    """Configuration in Pinocchio's order, shape (nq,); None where there is no such body."""
+    colour: Colour
+    place: tuple[float, float] = (0.0, 0.0)
+    """From where it is to where it is drawn, x and y in the world frame [m]."""
+
+
+COMMANDED_BODY = GhostStyle(lambda now: None if now.plant is None else now.plant.q_commanded, COMMANDED)
+TWIN_BODY = GhostStyle(lambda now: None if now.twin is None else now.twin.q, TWIN, place=(0.0, -1.0))
+
+
+class GhostDrawing:
+    """Body of one colour that can be seen through, in coarse meshes."""
+
+    def __init__(self, style: GhostStyle, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        self._style, self._root = style, f"{canvas.root}/body"
+        self._joints = {}
+        canvas.server.scene.add_frame(self._root, show_axes=False, visible=False, position=(*style.place, 0.0))
+        if canvas.robot.body is None:
+            return
+        model = pin.buildModelFromUrdf(str(canvas.robot.body.urdf), pin.JointModelFreeFlyer())
+        parts = _coarse_parts(canvas.robot.body)
+        nodes = add_joints(canvas.server, self._root, model, {part.joint for part in parts})
+        self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
+        for index, part in enumerate(parts):
+            add_mesh(
+                canvas.server.scene,
+                f"{nodes[part.joint]}/{index}",
+                *part.quantised(),
+                color=style.colour,
+                opacity=OPACITY,
+                side="front",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Put the links where the configuration says, or hide them."""
+        q = self._style.configuration(frame.snapshot)
+        updates.visible(self._root, q is not None)
+        if q is not None:
+            numbers: list[float] = q.tolist()
+            for node, joint in self._joints.items():
+                joint.move(updates, node, numbers)
+
+
+@lru_cache(maxsize=1)  # both ghosts have the same
+def _coarse_parts(body: BodyModel) -> list[BodyPart]:
+    model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+    return body_parts(body, model, LIGHT.face_ratio)
