@@ -16,6 +16,7 @@ export class Status {
     this.strip = document.querySelector(".strip");
     this.rate = document.getElementById("rate");
     this.alarm = document.getElementById("alarm");
+    this.standUp = document.getElementById("stand-up");
     this.history = [];
     this.limitEnds = 0;
   }
@@ -28,6 +29,9 @@ export class Status {
     text("tick", live.timing.tick_ms.toFixed(1));
     text("time", clock(live.t));
     text("real-time", live.real_t === undefined ? "" : ` of ${clock(live.real_t)}`);
+    text("plant", live.plant === "mujoco" ? "in physics" : "ideal");
+    document.getElementById("plant").title = live.plant_reason ?? "";
+    text("twin", live.twin_difference ? `twin: ${live.twin_difference}` : "");
     this.showRate(live);
     this.judge(live);
   }
@@ -59,7 +63,7 @@ export class Status {
 
   judge(live) {
     if (live.fault) this.set("fault", "stopped", `The server stopped the robot: ${live.fault}`);
-    else if (live.status === 2) this.set("fallen", "fallen", `Fallen: ${live.reason || "no step can catch the robot"}. Press Reset.`);
+    else if (live.status === 2) this.set("fallen", "fallen", `Fallen: ${live.reason || "no step can catch the robot"}.`);
     else if (!live.running) this.set("paused", "paused");
     else if (this.isAtLimit(live)) this.set("relaxed", "at its limit", "Solver relaxed: sole margin given up", "warn");
     else if (live.phase === 0) this.set("standing", "standing");
@@ -81,7 +85,8 @@ export class Status {
     this.strip.dataset.state = state;
     text("state", word);
     this.alarm.dataset.level = level;
-    if (this.alarm.textContent !== message) this.alarm.textContent = message;
+    text("alarm-text", message);
+    this.standUp.hidden = state !== "fallen";
     this.alarm.hidden = !message;
   }
 }

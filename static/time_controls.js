@@ -18,7 +18,9 @@ export class TimeControls {
     for (const [id, body] of [["one-tick", { ticks: 1 }], ["one-sample", { samples: 1 }]]) {
       document.getElementById(id).addEventListener("click", () => request("POST", "live/step", body));
     }
-    document.getElementById("reset").addEventListener("click", () => request("POST", "live/reset"));
+    for (const id of ["reset", "stand-up"]) {
+      document.getElementById(id).addEventListener("click", () => request("POST", "live/reset"));
+    }
   }
 
   toggle() {

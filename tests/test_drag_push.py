@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.viewer.scene.drag_push import DragPush, on_ground
-from walkcore import load_robot
+from app.viewer import LIGHT
+from app.viewer.scene.drag_push import MAX_FORCE, STIFFNESS, DragPush, on_ground
+from app.viewer.scene.link_points import LinkPoints
+from app.viewer.scene.scene import Scene
+from walkcore import Command, Parameters, Simulation, load_robot
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
@@ -29,15 +32,20 @@ def test_drag_across_the_screen_is_a_way_on_the_ground(yaw, pitch):
 class Dragger:
     """Drags by clients whose camera looks along x."""
 
-    def __init__(self, push: DragPush) -> None:
+    def __init__(self, push: DragPush, node: str = "") -> None:
         camera = Rotation.from_matrix(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])).as_quat()
         self._client = SimpleNamespace(camera=SimpleNamespace(wxyz=np.roll(camera, 1)))
-        self.push = push
+        self.push, self._node = push, node
 
-    def drag(self, phase: str, right: float, up: float, client: int = 1) -> None:
-        end = (0.0, -right, up)
+    def drag(self, phase: str, right: float, up: float, client: int = 1, at: Any = (0.0, 0.0, 0.0)) -> None:
+        start, end = tuple(at), tuple(np.add(at, (0.0, -right, up)))
         event: Any = SimpleNamespace(
-            phase=phase, client_id=client, client=self._client, start_position=(0.0, 0.0, 0.0), end_position=end
+            phase=phase,
+            client_id=client,
+            client=self._client,
+            target=SimpleNamespace(name=self._node),
+            start_position=start,
+            end_position=end,
         )
         try:
             self.push.drag(event).send(None)  # it awaits nothing
@@ -101,3 +109,58 @@ def test_a_camera_on_its_side_gives_no_push_and_no_warning():
     half = math.sqrt(0.5)
     with warnings.catch_warnings(action="error"):
         assert np.isnan(on_ground(np.array([0.0, 1.0, 1.0]), np.array([half, 0.0, -half, 0.0]))).all()
+
+
+class HeldRobot:
+    """Stand-in for a runner with contact physics: stands at rest, and keeps its pushes."""
+
+    def __init__(self) -> None:
+        self.robot = load_robot("talos")
+        self.pushes: list[Any] = []
+        physics = Parameters(plant="mujoco", dynamic_filter=True)
+        self._simulation = Simulation(self.robot, physics)
+        self.wait(1)
+
+    def wait(self, nb_ticks: int) -> None:
+        for _ in range(nb_ticks):
+            snapshot = self._simulation.step(Command())
+        self.latest = SimpleNamespace(snapshot=snapshot, running=True)
+
+    def push(self, push: Any) -> None:
+        self.pushes.append(self.robot.check_push(push))
+
+
+def test_drag_in_physics_pulls_the_held_link_by_a_spring_until_it_ends(viser_server):
+    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+    runner = HeldRobot()
+    scene = Scene(viser_server, runner.robot, LIGHT)
+    scene.draw(runner.latest.snapshot, Parameters(), 0.0)
+    points = LinkPoints(runner.robot.body, scene.links, lambda: scene.origin)
+    node = next(name for name, link in scene.links.items() if link == "arm_left_7_joint")
+    dragger = Dragger(DragPush(viser_server, runner, scene.draggable, points), node)
+    wrist = points.in_scene("arm_left_7_joint", np.array([0.0, 0.0, -0.1]), runner.latest.snapshot)
+    dragger.drag("start", 0.0, 0.0, at=wrist)
+    dragger.push.pull()
+    assert runner.pushes == [] and dragger.push.aim is None
+    dragger.drag("update", 0.4, 0.0, at=wrist)
+    runner.wait(4)
+    dragger.push.pull()
+    dragger.push.pull()  # no time has passed
+    runner.wait(4)
+    dragger.push.pull()
+    assert len(runner.pushes) == 2
+    push, aim = runner.pushes[-1], dragger.push.aim
+    assert push.link == "arm_left_7_joint" and push.point == pytest.approx([0.0, 0.0, -0.1])
+    assert push.duration == pytest.approx(0.02) and push.frame == "world"
+    assert aim.force == pytest.approx([0.0, -0.4 * STIFFNESS], abs=0.02 * STIFFNESS)  # it sways by some millimetres
+    assert push.impulse == pytest.approx(aim.force * push.duration)
+    assert aim.impulse == pytest.approx(sum(push.impulse for push in runner.pushes))
+    assert aim.point == pytest.approx(wrist - scene.origin, abs=0.02)
+    dragger.drag("update", 5.0, 0.0, at=wrist)
+    runner.wait(1)
+    dragger.push.pull()
+    assert np.hypot(*dragger.push.aim.force) == pytest.approx(MAX_FORCE)
+    dragger.drag("end", 0.4, 0.0, at=wrist)
+    runner.wait(1)
+    dragger.push.pull()
+    assert len(runner.pushes) == 3 and dragger.push.aim is None

@@ -243,7 +243,7 @@ def test_page_tells_what_became_of_the_last_push(visit, api):
     api.post("live/push", json={"impulse": [0.0, -60.0]})
     expect(page.get_by_test_id("last-push")).to_have_text("fell to 60 N·s")
     expect(page.get_by_test_id("status")).to_contain_text("fallen")
-    expect(page.get_by_role("alert")).to_contain_text("Press Reset")
+    expect(page.get_by_test_id("stand-up")).to_be_visible()
     page.get_by_test_id("reset").click()
     expect(page.get_by_test_id("status")).to_contain_text(UP)
 

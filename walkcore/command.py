@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from walkcore.errors import InvalidValueError
 from walkcore.values import Vector, check_range, check_text, check_vector, frozen_copy
 
@@ -56,7 +58,9 @@ class Push:
             raise InvalidValueError("push.frame", self.frame, "must be 'robot' or 'world'")
         check_text("push.link", self.link)
         if self.point is not None:
-            point = check_vector("push.point", self.point, 3, -FARTHEST_POINT, FARTHEST_POINT)
+            is_array = isinstance(self.point, np.ndarray)  # pyright: ignore[reportUnnecessaryIsInstance]  # a list from a client
+            given = self.point.tolist() if is_array else self.point
+            point = check_vector("push.point", given, 3, -FARTHEST_POINT, FARTHEST_POINT)
             object.__setattr__(self, "point", point)
 
 

@@ -19,9 +19,10 @@ import viser
 from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
 from app.viewer.panel.panel import Panel
-from app.viewer.scene.drag_push import DragPush
+from app.viewer.scene.drag_push import PULL_PERIOD, DragPush
 from app.viewer.scene.frame import RenderQuality
 from app.viewer.scene.layers import DEFAULT_LAYERS
+from app.viewer.scene.link_points import LinkPoints
 from app.viewer.scene.scene import Scene, add_key_light
 from app.viewer.transport.broadcaster import Broadcaster
 from app.viewer.transport.client_messages import ClientMessages
@@ -59,12 +60,15 @@ class Viewer:
         self.broadcaster = Broadcaster(self.server)
         clients = ClientRegistry(self.server)
         spare_light_clients(self.server, clients)
-        self._drag_push = DragPush(self.server, runner, self.scene.draggable)
+        body, scene = runner.robot.body, self.scene
+        points = None if body is None else LinkPoints(body, scene.links, lambda: scene.origin)
+        self._drag_push = DragPush(self.server, runner, scene.draggable, points)
         self._panel = Panel(self.server, runner, self.scene, clients, lease or DriverLease())
         self.server.gui.main_panel.set_width(PANEL_WIDTH)
         self.server.gui.main_panel.dock_right()  # beside the scene: it covers nothing
         self._loop = self.server.get_event_loop()
         self._drawing: Future[None] | None = None
+        self._pulling: Future[None] | None = None
         self.cost = FrameCost()
         """Processor time of the frames that a browser was sent."""
 
@@ -101,12 +105,25 @@ class Viewer:
     def start(self) -> None:
         """Start drawing, in viser's own event loop: what its callbacks change needs no lock."""
         self._drawing = asyncio.run_coroutine_threadsafe(self._run(), self._loop)
+        self._pulling = asyncio.run_coroutine_threadsafe(self._pull(), self._loop)
 
     def stop(self) -> None:
         """Stop drawing and close viser."""
-        if self._drawing is not None:
-            self._drawing.cancel()
+        for task in filter(None, (self._drawing, self._pulling)):
+            task.cancel()
         self.server.stop()
+
+    async def _pull(self) -> None:
+        """Let the spring of a drag that is held act, at a steady rate."""
+        due = time.monotonic()
+        while True:
+            due = max(due + PULL_PERIOD, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
+            try:
+                self._drag_push.pull()
+            except Exception:
+                self._drag_push.cancel()
+                logger.exception("a drag cannot pull the robot")
 
     async def _run(self) -> None:
         last, has_failed = time.monotonic(), False

@@ -12,6 +12,7 @@ import viser
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, NoResponseError, Runner
 from app.viewer.panel.method_tab import MethodTab
+from app.viewer.panel.physics_tab import PhysicsTab
 from app.viewer.panel.plots_tab import PlotsTab
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
 from app.viewer.scene.scene import Scene
@@ -61,6 +62,8 @@ class Panel:
             self.view = ViewTab(server, scene)
         with tabs.add_tab("Method"):
             self._method = MethodTab(server, runner)
+        with tabs.add_tab("Physics"):
+            self._physics = PhysicsTab(server, runner)
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(server)
         with tabs.add_tab("System"):
@@ -81,6 +84,7 @@ class Panel:
         if self._frame % FRAMES_PER_UPDATE == 0:
             self._drive.update(state)
             self._method.update()
+            self._physics.update(self._updates, state)
             self._plots.update(self._updates)
             self._system.update(self._updates, state, frame_ms, nb_clients)
 
@@ -94,7 +98,7 @@ class DriveTab:
         self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
         zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
         zero.on_click(lambda event: self._drive(Reference(), event))
-        server.gui.add_markdown("Drag the robot's body to push it; Esc lets go.")
+        server.gui.add_markdown("Drag the robot to push it where you hold it; Esc lets go.")
 
     def _add_slider(self, server: viser.ViserServer, name: str) -> viser.GuiSliderHandle[float]:
         direction, unit = SLIDERS[name]

@@ -1,4 +1,6 @@
-"""Push by a drag that starts on the robot's body: it aims an impulse, and its end gives it.
+"""Push by a drag that starts on the robot: of the ideal model it aims an impulse on the CoM, and its end gives it.
+
+With contact physics a spring pulls at the point that was taken hold of, towards the cursor, while the drag is held.
 
 A drag across the screen is a direction on the ground: right is right, up is away from the eye. Back at its beginning,
 or after Escape, it gives nothing.
@@ -7,6 +9,7 @@ or after Escape, it gives nothing.
 import logging
 from collections.abc import Iterable
 from concurrent.futures import Future
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,7 @@ import viser
 
 from app.live.runner import NoResponseError, Runner
 from app.viewer.scene.frame import Aim
+from app.viewer.scene.link_points import LinkPoints
 from walkcore import Push, Snapshot, WalkError
 from walkcore.values import Vector
 
@@ -24,14 +28,32 @@ MIN_DRAG = 0.06  # [m] from the beginning of a drag, within which it gives nothi
 MAX_DRAG = 10.0  # [m]; a client may send any
 RESOLUTION = 0.5  # [N s]
 MIN_LEVEL = 1e-3  # length on the ground of the camera's direction to the right
+STIFFNESS = 120.0  # [N/m] of the spring from the held point to the cursor
+MAX_FORCE = 150.0  # [N] of the spring
+PULL_PERIOD = 0.05  # [s] from one push of the spring to the next
+MAX_PULL = 0.1  # [s] of simulated time that one push lasts
 ROUNDING = 1e-12  # by which the strongest push may not exceed its limit
 
 
 class DragPush:
     """The one drag that is shown; the latest client to start one has it. All methods belong to viser's event loop."""
 
-    def __init__(self, server: viser.ViserServer, runner: Runner, body: Iterable[viser.MeshHandle]) -> None:
-        """Let the body be dragged."""
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        runner: Runner,
+        body: Iterable[viser.MeshHandle],
+        points: LinkPoints | None = None,
+    ) -> None:
+        """Let the body be dragged.
+
+        Args:
+            server: whose clients drag.
+            runner: gets the pushes.
+            body: meshes that can be dragged.
+            points: of the links; None of a point mass, which has none.
+        """
+        self._points, self._hold = points, None
         self._server, self._runner = server, runner
         self._client: int | None = None
         self._impulse: Vector | None = None
@@ -47,16 +69,24 @@ class DragPush:
 
     @property
     def aim(self) -> Aim | None:
-        """Push that is being aimed, if any."""
+        """Push that is being aimed, or the force that is held, if any."""
+        if self._hold is not None:
+            return self._hold.aim
         return None if self._impulse is None else Aim(self._impulse, self._preview)
 
     async def drag(self, event: viser.SceneNodeDragEvent[Any]) -> None:
-        """Follow a drag; its end pushes the robot."""
+        """Follow a drag; its end pushes the ideal model, or lets go in physics."""
         if event.phase == "start":
             self.cancel()
             self._client = event.client_id
+            self._hold = self._grab(event)
         if event.client_id != self._client:
             return  # cancelled, or another client has started a drag
+        if self._hold is not None:
+            self._hold.cursor, self._hold.camera = np.array(event.end_position), np.asarray(event.client.camera.wxyz)
+            if event.phase == "end":
+                self.cancel()
+            return
         self._impulse = impulse = self._impulse_of(event)
         if event.phase != "end":
             return
@@ -70,7 +100,44 @@ class DragPush:
 
     def cancel(self) -> None:
         """Forget the drag under way."""
-        self._client = self._impulse = self._preview = None
+        self._client = self._impulse = self._preview = self._hold = None
+
+    def _grab(self, event: viser.SceneNodeDragEvent[Any]) -> "Hold | None":
+        """The hold of a drag that starts, where a link of the real body can be held."""
+        if self._points is None or self._runner.latest.snapshot.plant is None:
+            return None
+        start, node = np.array(event.start_position), event.target.name
+        link, point = self._points.grabbed(node, start, self._runner.latest.snapshot)
+        pulled_at = self._runner.latest.snapshot.t
+        return Hold(link, point, start, np.asarray(event.client.camera.wxyz), pulled_at)
+
+    def pull(self) -> None:
+        """Push by the spring of a drag that is held; called each `PULL_PERIOD`.
+
+        A push lasts as long as the simulated time since the one before: so the force is the same at any speed.
+        """
+        hold, state = self._hold, self._runner.latest
+        if hold is None or self._points is None:
+            return
+        if state.snapshot.plant is None or not state.running:
+            hold.aim = None
+            return
+        duration, hold.pulled_at = min(state.snapshot.t - hold.pulled_at, MAX_PULL), state.snapshot.t
+        if duration <= 0.0:
+            return
+        stretch = hold.cursor - self._points.in_scene(hold.link, hold.point, state.snapshot)
+        force = spring_force(stretch, hold.camera)
+        if force is None:
+            hold.aim = None
+            return
+        try:
+            self._runner.push(Push(duration * force, duration, "world", hold.link, hold.point))
+        except (WalkError, NoResponseError) as error:
+            logger.warning("a held push is not taken: %s", error)
+            return
+        hold.impulse = hold.impulse + duration * force
+        held = self._points.in_world(hold.link, hold.point, state.snapshot)
+        hold.aim = Aim(hold.impulse, None, force, held)
 
     def _impulse_of(self, event: viser.SceneNodeDragEvent[Any]) -> Vector | None:
         """Impulse that a drag gives, world frame [N s], shape (2,); None where it is too short."""
@@ -102,6 +169,42 @@ class DragPush:
             return
         if self._impulse is not None:
             self._preview = preview
+
+
+@dataclass(slots=True)
+class Hold:
+    """A point of a link that a drag holds."""
+
+    link: str
+    """Joint that moves the link."""
+    point: Vector
+    """Place on it, in the frame of that joint [m], shape (3,)."""
+    cursor: Vector
+    """Place of the cursor in the scene [m], shape (3,)."""
+    camera: Vector
+    """Orientation of the camera, a quaternion wxyz."""
+    pulled_at: float
+    """Simulated time of the last push [s]."""
+    impulse: Vector = field(default_factory=lambda: np.zeros(2))
+    """Impulse given so far, world frame [N s], shape (2,)."""
+    aim: Aim | None = None
+    """The force as it is drawn; None while there is none."""
+
+
+def spring_force(stretch: Vector, camera: Vector) -> Vector | None:
+    """Horizontal force of a spring, world frame [N], shape (2,); None where the drag is too short or endless.
+
+    Args:
+        stretch: from the held point to the cursor [m], shape (3,).
+        camera: orientation of the camera, a quaternion wxyz.
+    """
+    if not np.linalg.norm(stretch) < MAX_DRAG:
+        return None
+    drag = on_ground(stretch, camera)
+    length = float(np.hypot(*drag))
+    if not length >= MIN_DRAG:
+        return None
+    return min(STIFFNESS * length, MAX_FORCE) * drag / length
 
 
 def on_ground(drag: Vector, wxyz: Vector) -> Vector:

@@ -45,6 +45,8 @@ class Canvas:
     quality: RenderQuality
     draggable: list[viser.MeshHandle]
     """Meshes of all layers that can be dragged to push the robot; a drawing adds its own."""
+    links: dict[str, str]
+    """Joint that moves each such mesh, by the path of its node; a drawing adds its own."""
 
 
 class History:
@@ -89,6 +91,10 @@ class Aim:
     """World frame [N s], shape (2,)."""
     preview: Snapshot | None
     """First snapshot after the push, as soon as it is known."""
+    force: Vector | None = None
+    """Force that acts now, world frame [N], shape (2,); None of a push that only comes."""
+    point: Vector | None = None
+    """Place that is held, world frame [m], shape (3,); None of a push on the CoM."""
 
 
 @dataclass(frozen=True, slots=True)

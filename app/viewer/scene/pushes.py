@@ -21,6 +21,7 @@ from walkcore.values import Vector
 CHEST = 1.35  # height of the arrow, in heights of the CoM
 CLEARANCE = 0.22  # [m] from the CoM to the near end of the arrow, outside the robot
 LENGTH, LENGTH_PER_IMPULSE = 0.15, 0.01  # [m], [m per N s]
+LENGTH_PER_NEWTON = 0.003  # [m/N] of the arrow of a force
 SHAFT = 0.022  # [m]
 SECONDS_SHOWN = 0.6
 STEP_STYLE = PolygonStyle(PUSH, 0.010, opacity=0.35, thickness=3.0)  # above the steps planned without the push
@@ -49,7 +50,8 @@ class PushDrawing:
             updates.properties(self._arrow, points=points)
         if self._seconds_left > 0.0:
             updates.on_ground(self._frame, snapshot.com.position)
-        updates.visible(self._arrow, self._seconds_left > 0.0)
+        is_held = frame.aim is not None and frame.aim.force is not None  # which is drawn as an arrow of its own
+        updates.visible(self._arrow, self._seconds_left > 0.0 and not is_held)
         self._preview.update(updates, frame)
 
 
@@ -76,13 +78,20 @@ class PushPreview:
         updates.visible(self._root, aim is not None)
         if aim is None:
             return
-        arrow, after = arrow_away(aim.impulse, CHEST * snapshot.com_height), aim.preview
-        updates.on_ground(self._frame, snapshot.com.position)
+        after = aim.preview
+        if aim.force is None or aim.point is None:
+            arrow = arrow_away(aim.impulse, CHEST * snapshot.com_height)
+            updates.on_ground(self._frame, snapshot.com.position)
+        else:
+            arrow = arrow_from(aim.force)
+            updates.position(self._frame, aim.point)
         updates.visible(self._arrow, True)
         updates.properties(self._arrow, points=arrow)
         updates.position(self._label, arrow[0, 1] + np.array([0.0, 0.0, LABEL_LIFT]))
         effect = "" if after is None else f": {_effect(self._robot, after)}"
-        updates.properties(self._label, text=f"{np.hypot(*aim.impulse):.0f} N·s{effect}")
+        impulse = f"{np.hypot(*aim.impulse):.0f} N·s"
+        text = f"{impulse}{effect}" if aim.force is None else f"{np.hypot(*aim.force):.0f} N, {impulse} so far"
+        updates.properties(self._label, text=text)
         self._steps.draw(updates, after.plan.footholds if after is not None and after.plan is not None else ())
         updates.visible(self._dcm, after is not None)
         if after is not None:
@@ -104,6 +113,17 @@ def arrow_away(impulse: Vector, height: float) -> Points:
     tail = CLEARANCE * direction
     tip = tail + (LENGTH + LENGTH_PER_IMPULSE * strength) * direction
     return raised(np.round([tail, tip], 3), height)[None]
+
+
+def arrow_from(force: Vector) -> Points:
+    """Ends of an arrow along a force, from the point where it acts [m], shape (1, 2, 3).
+
+    Args:
+        force: horizontal [N], shape (2,).
+    """
+    strength = float(np.hypot(*force))
+    tip = (LENGTH + LENGTH_PER_NEWTON * strength) * force / strength
+    return raised(np.round([np.zeros(2), tip], 3), 0.0)[None]
 
 
 def _effect(robot: Robot, after: Snapshot) -> str:

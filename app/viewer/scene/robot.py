@@ -60,6 +60,7 @@ class BodyDrawing:
                 receive_shadow=False,
             )
             canvas.draggable.append(mesh)
+            canvas.links[name] = model.names[part.joint]
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Put every link where forward kinematics says, in the colours of its state."""

@@ -6,6 +6,7 @@ robot while the user's orbit of it stays free.
 
 import math
 
+import numpy as np
 import viser
 
 from app.drawing.palette import GRID_CELL, GRID_SECTION, GROUND
@@ -14,6 +15,7 @@ from app.viewer.scene.layers import LAYERS
 from app.viewer.scene.points import body_com
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
+from walkcore.values import Vector
 
 WORLD = "/w"
 GROUND_NODE = f"{WORLD}/ground"
@@ -39,6 +41,8 @@ class Scene:
         self.updates = SceneUpdates()
         self.draggable: list[viser.MeshHandle] = []
         """Meshes by which the robot can be pushed."""
+        self.links: dict[str, str] = {}
+        """Joint that moves each of them, by the path of its node; without those of a point mass."""
         self.shown = {name for name, layer in LAYERS.items() if layer.is_on}
         """Names of the layers that are shown."""
         self.drawings: dict[str, Drawing] = {}
@@ -53,9 +57,14 @@ class Scene:
             root = f"{WORLD}/{name}"
             server.scene.add_frame(root, show_axes=False, visible=layer.is_on)
             if layer.draw is not None:
-                self.drawings[name] = layer.draw(Canvas(server, root, robot, quality, self.draggable))
+                self.drawings[name] = layer.draw(Canvas(server, root, robot, quality, self.draggable, self.links))
         camera = server.initial_camera
         camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
+
+    @property
+    def origin(self) -> Vector:
+        """Place of the world's origin in the scene [m], shape (3,)."""
+        return np.array([-self._middle[0], -self._middle[1], 0.0])
 
     def show(self, layer: str, is_visible: bool) -> None:
         """Show a layer, or hide it; a hidden layer is not sent."""
