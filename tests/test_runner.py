@@ -297,6 +297,6 @@ def test_a_saved_session_crosses_processes_in_chunks(runner):
     runner.drive(Reference(vx=0.2), "rest")
     runner.step(500).result(PATIENCE)
     session = Session.unpacked(runner.save().result(PATIENCE))
-    assert len(session.segments) == 26
+    assert len(session.segments) == 51
     rows = session.recording("walked", runner.robot)
     assert rows["tick"].tolist() == list(range(501)) and rows["reference_vx"][-1] == 0.2
