@@ -1,5 +1,6 @@
 """The server: wires runner, viewer, runs, routes and page together, listens on one port, and stops them."""
 
+import logging
 import socket
 import sys
 from collections.abc import AsyncIterator
@@ -21,13 +22,15 @@ from app.http.seats import Seats
 from app.http.token import TokenMiddleware, Tokens, signin_router
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
-from app.live.runner import Runner
+from app.live.runner import NoResponseError, Runner
 from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, RenderQuality, Viewer
 from walkcore import Parameters, load_robot
+
+logger = logging.getLogger(__name__)
 
 # The paper takes 0.8 s to start; a person at a joystick waits for the step.
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True, step_timing="adaptive")
@@ -73,7 +76,10 @@ def create_app(settings: Settings) -> FastAPI:
     lease = DriverLease()
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality(), lease)
     runner.wait()
-    runner.choose_plant(settings.walk_plant).result()
+    try:
+        runner.choose_plant(settings.walk_plant).result()
+    except NoResponseError as error:  # the process ended over it; the next one stands in the ideal model
+        logger.warning("no plant could be chosen, the robot walks in the ideal model: %s", error)
     runs = _runs(settings)
     streams = sockets.SnapshotStreams(runner)
 
