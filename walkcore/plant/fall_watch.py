@@ -12,6 +12,7 @@ from walkcore.mpc.stance import Side
 
 FORGOTTEN = 1.0  # [s] after which a limit that was reached once has been survived
 NB_TOLD = 3  # limits, so that a sentence stays one
+AT_ONCE = 0.05  # [s] after a push
 PUSH_MATTERS = 10.0  # [s] in which a fall is told by the push
 
 SIGNS = {
@@ -95,7 +96,8 @@ class FallSigns:
 def _when(sign: Sign, tick: int, push: LastPush | None, period: float) -> str:
     if push is None:
         return f"{(tick - sign.first) * period:.2f} s before"
-    return f"{(sign.first - push.tick) * period:.2f} s after the push"
+    after = (sign.first - push.tick) * period
+    return "at once" if after < AT_ONCE else f"after {after:.1f} s"
 
 
 def direction_in_words(forward: float, left: float) -> str:
