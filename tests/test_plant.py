@@ -98,6 +98,14 @@ def test_a_push_that_is_too_strong_ends_on_the_ground_with_a_reason_in_words():
     assert walk(simulation, 300)[-1].status is Status.SOLVED
 
 
+def test_a_fall_under_a_push_that_is_held_is_told_by_all_of_it():
+    pieces = {300 + 10 * k: Push([0.0, 10.0], duration=0.05) for k in range(20)}
+    reason = walk(Simulation(TALOS, PHYSICS), 700, pieces)[-1].reason
+    strength = float(reason.split()[0])
+    assert strength >= 30.0
+    assert "to the left" in reason
+
+
 def test_a_push_acts_on_the_link_that_is_named():
     at_torso, at_arm = (Simulation(TALOS, PHYSICS) for _ in range(2))
     walk(at_torso, 40, {30: Push([0.0, 9.0])})

@@ -43,6 +43,7 @@ NO_IMPULSE = frozen_copy(np.zeros(2))
 NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
 LOWEST = 0.75  # of the CoM's height: a body below has fallen
 MAX_TILT = 0.8  # [rad] of the torso from upright
+PAUSE_OF_A_PUSH = 0.05  # [s] between the pieces of a push that is held
 TILTED = 0.06  # [rad] from which a sole stands on an edge
 
 
@@ -271,8 +272,10 @@ class Simulation:
             ticks = max(1, round(push.duration / period))
             impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
             self._pushes += (PushUnderWay(impulse / ticks, ticks, push.link, push.point),)
+            last = self._last_push
+            goes_on = last is not None and (self._tick - last.tick) * period <= last.duration + PAUSE_OF_A_PUSH
             self._last_push = GivenPush(self._tick, (float(impulse[0]), float(impulse[1])), push.duration)
-            self._remember_push(impulse)
+            self._remember_push(impulse, goes_on)
         if not self._pushes:
             return NO_IMPULSE, ()
         total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
@@ -284,13 +287,13 @@ class Simulation:
             return NO_IMPULSE, forces
         return total, forces
 
-    def _remember_push(self, impulse: Vector) -> None:
-        """Keep a push for the words that tell a fall of the body."""
+    def _remember_push(self, impulse: Vector, goes_on: bool) -> None:
+        """Keep a push, or another piece of one that is held, for the words that tell a fall of the body."""
         if self._driver is None or self._driver.is_ideal or self._why_fallen:
             return
         gait, (forward, left) = self._gait.at(self._tick), (rotation(self.heading).T @ impulse).tolist()
         words = phase_in_words(gait.phase is Phase.SINGLE_SUPPORT, gait.phase is Phase.STANDING, gait.support_side)
-        self._driver.signs = self._driver.signs.pushed(LastPush(self._tick, forward, left, words))
+        self._driver.signs = self._driver.signs.pushed(LastPush(self._tick, forward, left, words), goes_on)
 
     def _decide(self, reference: Reference, time_left: TimeLeft) -> Plan | None:
         """The plan of this tick, or none if the robot has fallen."""

@@ -6,7 +6,7 @@ reason = signs.explain(...)          # when the body has fallen
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from walkcore.mpc.stance import Side
 
@@ -57,9 +57,17 @@ class FallSigns:
     signs: tuple[Sign, ...] = ()
     push: LastPush | None = None
 
-    def pushed(self, push: LastPush) -> "FallSigns":
-        """The signs after a push; those before it no longer count."""
-        return FallSigns((), push)
+    def pushed(self, push: LastPush, goes_on: bool) -> "FallSigns":
+        """The signs after a push; those before it no longer count.
+
+        Args:
+            push: given now.
+            goes_on: whether it is another piece of the last one, which is held.
+        """
+        if not goes_on or self.push is None:
+            return FallSigns((), push)
+        whole = replace(self.push, forward=self.push.forward + push.forward, left=self.push.left + push.left)
+        return FallSigns(self.signs, whole)
 
     def seen(self, now: Sequence[str], tick: int, period: float) -> "FallSigns":
         """The signs one tick later.
