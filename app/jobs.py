@@ -23,7 +23,7 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any, TypeVar
 
-EXIT_TIMEOUT = 5.0  # [s] a killed process may take to be gone
+EXIT_TIMEOUT = 10.0  # [s] a killed process may take to be gone
 
 Result = TypeVar("Result")
 Report = Callable[[Any], None]

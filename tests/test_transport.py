@@ -143,10 +143,13 @@ def test_late_browser_gets_every_node_before_what_moves_it_and_nothing_was_kept_
 def test_nothing_is_drawn_without_a_client(viewer, runner):
     asyncio.run(read(viewer.socket, 3))
     wait_for(lambda: not viewer.broadcaster.nb_clients)
-    time.sleep(0.1)  # the frame under way
-    nb_reads = runner.nb_reads
-    time.sleep(0.3)
-    assert runner.nb_reads == nb_reads
+
+    def reads_no_more() -> bool:
+        nb_reads = runner.nb_reads
+        time.sleep(0.3)
+        return runner.nb_reads == nb_reads
+
+    wait_for(reads_no_more)
 
 
 def test_browser_that_does_not_read_is_left_out_and_catches_up_with_the_latest(viewer):
