@@ -116,9 +116,10 @@ class DragPush:
 
         A push lasts as long as the simulated time since the one before: so the force is the same at any speed.
         """
-        hold, state = self._hold, self._runner.latest
+        hold = self._hold
         if hold is None or self._points is None:
             return
+        state = self._runner.latest
         if state.snapshot.plant is None or not state.running:
             hold.aim = None
             return
