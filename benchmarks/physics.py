@@ -47,7 +47,7 @@ WORLDS = {
 
 @dataclass(frozen=True)
 class Walked:
-    """What came of a walk."""
+    """The figures of one walk."""
 
     seconds: float
     """Simulated time until the end or the fall."""
@@ -62,7 +62,7 @@ class Walked:
     end: tuple[float, float, float]
     """CoM at the end [m], and heading [rad]."""
     torque_p99: float
-    """Of the limit, 99th percentile of the joint that has the highest."""
+    """Torque over its limit, 99th percentile of the joint that has the highest."""
     tick_mean: float
     """Processor time [ms]."""
     tick_p99: float

@@ -52,7 +52,7 @@ BAD_MESSAGES = ("", "{", "x" * 5000, '{"reference": {"vx": "fast"}}', b"\x00\xff
 
 @dataclass(frozen=True)
 class SoakServer:
-    """What to try."""
+    """The options of the command line."""
 
     minutes: float = 60.0
     rows: int = 6

@@ -132,6 +132,15 @@ def test_the_twin_is_the_ideal_walk_on_the_same_commands():
         assert np.array_equal(snapshot.twin.q, alone.q)
 
 
+def test_a_reset_puts_the_twin_back_too():
+    simulation = Simulation(TALOS, PHYSICS.changed({"twin": True}))
+    before = walk(simulation, 60)
+    simulation.reset()
+    after = walk(simulation, 60)
+    assert np.array_equal(after[-1].twin.q, before[-1].twin.q)
+    assert [s.twin.tick for s in after] == [s.tick for s in after]
+
+
 def test_a_recording_in_physics_has_the_columns_of_the_contract():
     scenario = scenario_from_mapping(
         {"duration": 0.5, "parameters": {"plant": "mujoco", "dynamic_filter": True, "twin": True}}

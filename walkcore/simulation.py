@@ -29,7 +29,7 @@ from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.mpc.supports import CaptureSets, WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.plant.driver import BodyDriver
-from walkcore.plant.fall_watch import FallSigns, LastPush, phase_in_words
+from walkcore.plant.fall_watch import FallSigns, LastPush, has_fallen, is_tilted, phase_in_words
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
 from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
 from walkcore.plant.world import PERFECT, World
@@ -41,10 +41,7 @@ from walkcore.values import Vector, freeze, frozen_copy, rotation
 
 NO_IMPULSE = frozen_copy(np.zeros(2))
 NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
-LOWEST = 0.75  # of the CoM's height: a body below has fallen
-MAX_TILT = 0.8  # [rad] of the torso from upright
 PAUSE_OF_A_PUSH = 0.05  # [s] between the pieces of a push that is held
-TILTED = 0.06  # [rad] from which a sole stands on an edge
 
 
 class Simulation:
@@ -81,8 +78,10 @@ class Simulation:
             raise InvalidValueError("plant", self.parameters.plant, limit)
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self._driver = None if self.body is None else BodyDriver(self.robot, self.body, self.parameters, world, stages)
+        self._twin: Simulation | None = None
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
+        self._twin = self._new_twin()
 
     def _new_twin(self) -> "Simulation | None":
         """The ideal robot beside this one, where one is wanted and this one is not ideal itself."""
@@ -133,8 +132,8 @@ class Simulation:
         self._offset = NO_OFFSET
         if self._driver is not None:
             self._driver.reset(self._body_target())
-        self._twin: Simulation | None = None
-        self._twin = self._new_twin()
+        if self._twin is not None:
+            self._twin.reset()
 
     @property
     def state(self) -> SimulationState:
@@ -252,7 +251,7 @@ class Simulation:
         return dcm_error(sensed, self._com, self._offset, self._feet, standing, omega)
 
     def _watch_for_fall(self, measured: Measurement) -> None:
-        if measured.com[2] < LOWEST * self._generator.pendulum.height or measured.tilt > MAX_TILT:
+        if has_fallen(measured, self._generator.pendulum.height):
             self._fall_down("")
 
     def preview(self, command: Command) -> Snapshot:
@@ -529,7 +528,7 @@ class Simulation:
             "torque_saturated": driver.saturated(plant.measured.torques),
             "step_too_short": snapshot.status is Status.RELAXED,
             "not_capturable": snapshot.plan is not None and not snapshot.plan.is_capturable,
-            "sole_tilted": any(plant.measured.soles[foot.side].tilt > TILTED for foot in snapshot.stance.feet),
+            "sole_tilted": any(is_tilted(plant.measured.soles[foot.side]) for foot in snapshot.stance.feet),
         }
         now = [name for name, is_reached in reached.items() if is_reached]
         return driver.signs.seen(now, self._tick, self.parameters.control_period)

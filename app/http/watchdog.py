@@ -55,7 +55,7 @@ class Watchdog:
 
 
 def _problem(url: str) -> str:
-    """What is wrong with the answer, or empty."""
+    """The fault that an answer reports; empty if it reports none."""
     try:
         with urllib.request.urlopen(url, timeout=PROBE_TIMEOUT):
             return ""

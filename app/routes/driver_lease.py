@@ -1,4 +1,4 @@
-"""Who drives alone: taken, handed over, and given up."""
+"""Routes of the lease to drive alone: it is taken, handed over, and given up."""
 
 from typing import Annotated
 

@@ -45,7 +45,7 @@ class FollowedRuns:
             raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open", RETRY_AFTER)
 
     async def summaries(self, run: Run) -> AsyncIterator[RunSummary]:
-        """What is known of a run, now and whenever that changes, until it has ended or is gone."""
+        """The state of a run, now and at each change, until it has ended or is gone."""
         followed = self._followed.setdefault(run.id, _Followed(RunSummary.model_validate(run)))
         followed.nb_streams += 1
         self._nb_streams += 1

@@ -52,7 +52,7 @@ async def health(request: Request, response: Response, runner: LiveRunner, runs:
 
 @router.get("/session")
 async def session(request: Request) -> Session:
-    """What whoever asks may do: an operator everything, a viewer only look."""
+    """The role of the client: an operator may do everything, a viewer only look."""
     return Session(role=role_of(request))
 
 

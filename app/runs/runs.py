@@ -65,12 +65,12 @@ class Runs:
 
     @property
     def problem(self) -> str:
-        """What keeps runs from being kept, or started; empty where nothing does."""
+        """The trouble that keeps runs from being kept or started; empty if there is none."""
         return self._store.problem
 
     @property
     def notice(self) -> str:
-        """What was set right when the data folder was opened; empty where nothing was wrong."""
+        """The repairs that were made when the data folder was opened; empty if none were needed."""
         return self._store.notice
 
     def submit(self, scenario: Mapping[str, Any]) -> Run:

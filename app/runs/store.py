@@ -48,7 +48,7 @@ class RunStore:
         """
         self.folder = folder
         self.notice = ""
-        """What was set right when the folder was opened; empty where nothing was wrong."""
+        """The repairs that were made when the folder was opened; empty if none were needed."""
         self._done, self._unfinished = folder / "done", folder / "unfinished"
         self._lock = threading.RLock()
         self._lock_file: Any = None
@@ -75,7 +75,7 @@ class RunStore:
 
     @property
     def problem(self) -> str:
-        """What keeps runs from being written, or started; empty where nothing does."""
+        """The trouble that keeps runs from being written or started; empty if there is none."""
         if self._error:
             return f"runs cannot be written to {self.folder}: {self._error}"
         free = self._free()

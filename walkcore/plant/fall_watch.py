@@ -9,7 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from walkcore.mpc.stance import Side
+from walkcore.plant.plant import Measurement, SolePose
 
+LOWEST = 0.75  # of the CoM's height: a body below has fallen
+MAX_TILT = 0.8  # [rad] of the torso from upright
+TILTED = 0.06  # [rad] from which a sole stands on an edge
 FORGOTTEN = 1.0  # [s] after which a limit that was reached once has been survived
 NB_TOLD = 3  # limits, so that a sentence stays one
 AT_ONCE = 0.05  # [s] after a push
@@ -106,6 +110,21 @@ def _when(sign: Sign, tick: int, push: LastPush | None, period: float) -> str:
         return f"{(tick - sign.first) * period:.2f} s before"
     after = (sign.first - push.tick) * period
     return "at once" if after < AT_ONCE else f"after {after:.1f} s"
+
+
+def has_fallen(measured: Measurement, height: float) -> bool:
+    """Whether a body lies, or can no longer be caught.
+
+    Args:
+        measured: the body.
+        height: of the model's CoM [m].
+    """
+    return bool(measured.com[2] < LOWEST * height or measured.tilt > MAX_TILT)
+
+
+def is_tilted(sole: SolePose) -> bool:
+    """Whether a sole stands on an edge."""
+    return sole.tilt > TILTED
 
 
 def direction_in_words(forward: float, left: float) -> str:

@@ -127,7 +127,7 @@ class ClientMessages:
         return taken
 
     def _checked(self, message: _Message) -> tuple[str, ...]:
-        """What a message is about, if that exists and can be so."""
+        """The control or camera that a message changes, if it exists and may have that value."""
         kind = type(message).__name__
         match message:
             case _Camera():
