@@ -96,8 +96,9 @@ def test_a_reader_sees_whole_values_only_and_never_an_older_one_again(tmp_path):
         assert writer.returncode == 0 and latest.read().count == 59_999
 
 
-def hammer(path: Path, nb_values: int) -> int:
-    """Write and read in two processes at once, in both directions; the number of reads that were checked here."""
+def hammer(path: Path, nb_values: int) -> None:
+    """Write and read in two processes at once, in both directions, and check every read until the partner has written
+    `nb_values`: how many reads that is depends on how the machine shares its cores."""
     size = LatestValue.size(CAPACITY)
     path.write_bytes(bytes(2 * size))
     with path.open("r+b") as file:
@@ -115,17 +116,16 @@ def hammer(path: Path, nb_values: int) -> int:
                 last = message.count
             nb_reads += 1
         assert partner.wait() == 0, partner.communicate()[1]
-        assert read.read().count == nb_values
-        return 8 * nb_reads
+        assert nb_reads > 0 and read.read().count == nb_values
 
 
 def test_two_processes_that_write_and_read_at_full_rate_see_whole_values_in_order(tmp_path):
-    assert hammer(tmp_path / "memory", 100_000) > 100_000
+    hammer(tmp_path / "memory", 100_000)
 
 
 @pytest.mark.exhaustive
 def test_two_processes_that_write_and_read_for_long_see_whole_values_in_order(tmp_path):
-    assert hammer(tmp_path / "memory", 5_000_000) > 10_000_000
+    hammer(tmp_path / "memory", 5_000_000)
 
 
 def test_a_reader_that_is_overtaken_for_ever_keeps_the_value_that_it_had(latest, memory, monkeypatch):
