@@ -80,10 +80,11 @@ class Constraints:
             edges: of all polygons, one below the other.
             inputs: k, shape (6 + m + N, 2).
         """
-        normals = edges.normals[self._edge]
+        normals = edges.normals.take(self._edge, axis=0)
         known = np.vecdot(normals, self._K @ inputs)
         n = self._D.shape[1]
         G = np.empty((len(known), 2 * n), order="F")  # as a solver likes it
         np.multiply(normals[:, :1], self._D, out=G[:, :n])
         np.multiply(normals[:, 1:], self._D, out=G[:, n:])
-        return ConstraintRows(G, edges.lower[self._edge] - known, edges.upper[self._edge] - known, normals)
+        lower, upper = edges.lower.take(self._edge), edges.upper.take(self._edge)
+        return ConstraintRows(G, lower - known, upper - known, normals)

@@ -124,7 +124,7 @@ class ActiveSetSolver:
         """See `Solver`."""
         if not len(problem.lower):
             return _without_bounds(problem, stages)
-        P, G = np.ascontiguousarray(problem.P), np.ascontiguousarray(problem.G)
+        P, G = np.ascontiguousarray(problem.P.T), np.ascontiguousarray(problem.G)  # P is symmetric
         stages.lap("assemble")
         limit = _check_time(problem, time_left())
         u, _, status, information = self._solve(
