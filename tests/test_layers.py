@@ -23,8 +23,8 @@ CORE = """
     motion.swing_foot motion.dynamic_filter motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant
-    plant.driver
-    snapshot state simulation
+    plant.driver_state plant.driver
+    pushes snapshot state simulation
     scenario.expectations scenario.events scenario.scenario
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound

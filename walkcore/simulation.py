@@ -33,15 +33,14 @@ from walkcore.plant.fall_watch import FallSigns, LastPush, has_fallen, is_tilted
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
 from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
 from walkcore.plant.world import PERFECT, World
+from walkcore.pushes import NO_IMPULSE, Pushes
 from walkcore.robot import Robot, load_robot
-from walkcore.snapshot import GivenPush, PlantTick, Snapshot
+from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
-from walkcore.state import PushUnderWay, SimulationState
+from walkcore.state import SimulationState
 from walkcore.values import Vector, freeze, frozen_copy, rotation
 
-NO_IMPULSE = frozen_copy(np.zeros(2))
 NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
-PAUSE_OF_A_PUSH = 0.05  # [s] between the pieces of a push that is held
 
 
 class Simulation:
@@ -125,8 +124,7 @@ class Simulation:
         self._feet = {side: standing(self.robot.foot_at_rest(side)) for side in Side}
         middle = np.mean([foot.position for foot in self._feet.values()], axis=0)
         self._com = CoMState.at_rest(middle)
-        self._pushes: tuple[PushUnderWay, ...] = ()
-        self._last_push: GivenPush | None = None
+        self._pushes = Pushes()
         self._why_fallen = ""
         self._last_plan: Plan | None = None
         self._offset = NO_OFFSET
@@ -145,7 +143,7 @@ class Simulation:
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
             com=self._com,
-            pushes=self._pushes,
+            pushes=self._pushes.under_way,
             why_fallen=self._why_fallen,
             com_offset=self._offset,
             driver=None if self._driver is None else self._driver.state,
@@ -163,7 +161,8 @@ class Simulation:
         self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._flight = state.flight
-        self._com, self._pushes, self._why_fallen = state.com, state.pushes, state.why_fallen
+        self._pushes = replace(self._pushes, under_way=state.pushes)
+        self._com, self._why_fallen = state.com, state.why_fallen
         self._offset, self._last_plan = state.com_offset, None
         if self._driver is not None and state.driver is not None:
             self._driver.restore(state.driver)
@@ -268,29 +267,20 @@ class Simulation:
         """All pushes under way at this tick: their impulse in the world frame [N s], shape (2,), and their forces."""
         period = self.parameters.control_period
         if push is not None:
-            ticks = max(1, round(push.duration / period))
-            impulse = rotation(self.heading) @ push.impulse if push.frame == "robot" else push.impulse
-            self._pushes += (PushUnderWay(impulse / ticks, ticks, push.link, push.point),)
-            last = self._last_push
-            goes_on = last is not None and (self._tick - last.tick) * period <= last.duration + PAUSE_OF_A_PUSH
-            self._last_push = GivenPush(self._tick, (float(impulse[0]), float(impulse[1])), push.duration)
-            self._remember_push(impulse, goes_on)
-        if not self._pushes:
+            goes_on = self._pushes.goes_on(self._tick, period)
+            self._pushes = self._pushes.with_push(push, self.heading, self._tick, period)
+            self._remember_push(goes_on)
+        if not self._pushes.under_way:
             return NO_IMPULSE, ()
-        total = sum((push.impulse_per_tick for push in self._pushes), NO_IMPULSE)
-        forces = tuple(
-            ExternalForce(np.array([*p.impulse_per_tick, 0.0]) / period, p.link, p.point) for p in self._pushes
-        )
-        self._pushes = tuple(replace(p, ticks_left=p.ticks_left - 1) for p in self._pushes if p.ticks_left > 1)
-        if self._why_fallen:
-            return NO_IMPULSE, forces
-        return total, forces
+        pushes, self._pushes = self._pushes, self._pushes.one_tick_later()
+        return NO_IMPULSE if self._why_fallen else pushes.impulse, pushes.forces(period)
 
-    def _remember_push(self, impulse: Vector, goes_on: bool) -> None:
-        """Keep a push, or another piece of one that is held, for the words that tell a fall of the body."""
-        if self._driver is None or self._driver.is_ideal or self._why_fallen:
+    def _remember_push(self, goes_on: bool) -> None:
+        """Keep the last push, or another piece of one that is held, for the words that tell a fall of the body."""
+        push = self._pushes.last
+        if push is None or self._driver is None or self._driver.is_ideal or self._why_fallen:
             return
-        gait, (forward, left) = self._gait.at(self._tick), (rotation(self.heading).T @ impulse).tolist()
+        gait, (forward, left) = self._gait.at(self._tick), (rotation(self.heading).T @ push.impulse).tolist()
         words = phase_in_words(gait.phase is Phase.SINGLE_SUPPORT, gait.phase is Phase.STANDING, gait.support_side)
         self._driver.signs = self._driver.signs.pushed(LastPush(self._tick, forward, left, words), goes_on)
 
@@ -434,7 +424,7 @@ class Simulation:
             left_foot=self._feet[Side.LEFT],
             right_foot=self._feet[Side.RIGHT],
             push=frozen_copy(impulse),
-            last_push=self._last_push,
+            last_push=self._pushes.last,
             status=Status.FALLEN if plan is None else plan.status,
             reason=NOT_IN_TIME if plan is not None and plan.is_continued else self._why_fallen,
             plan=plan,

@@ -9,19 +9,8 @@ from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.plant.plant import GroundContact, Measurement
+from walkcore.pushes import GivenPush
 from walkcore.values import Vector
-
-
-@dataclass(frozen=True, slots=True)
-class GivenPush:
-    """A push as it was given."""
-
-    tick: int
-    """Tick at which the push began."""
-    impulse: tuple[float, float]
-    """Whole impulse, world frame [N s]."""
-    duration: float
-    """[s]; zero gives the whole impulse in one tick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

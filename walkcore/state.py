@@ -7,55 +7,29 @@ from typing import Any, cast
 
 import numpy as np
 
-from walkcore.command import FARTHEST_POINT
 from walkcore.errors import InvalidValueError
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import Flight, FootState
-from walkcore.motion.whole_body import configuration_size
 from walkcore.mpc.gait import Gait, Retiming, Timing
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.stance import Side
 from walkcore.parameters import LIMITS, Parameters
-from walkcore.plant.driver import DriverState, SensorState
-from walkcore.plant.fall_watch import SIGNS, FallSigns, LastPush, Sign
-from walkcore.plant.plant import PlantState
-from walkcore.plant.sensors import Estimate
+from walkcore.plant.driver_state import DriverState, driver_state_from_mapping
+from walkcore.pushes import PushUnderWay, pushes_from_list
 from walkcore.robot import Robot
 from walkcore.values import (
+    FARTHEST,
+    MAX_TICK,
     Vector,
-    check_keys,
+    check_complete,
     check_mapping,
     check_range,
-    check_text,
     check_vector,
     check_whole,
-    frozen_copy,
 )
 
-MAX_TICK = 10**9
-FARTHEST = 1e5  # [m] from the origin
 HIGHEST = 1.0  # [m] of a foot in the air
 MAX_SAMPLES = 64  # of a step
-MAX_PUSHES = 1000  # under way at once
-QUATERNION_TOLERANCE = 1e-6
-ROUNDING = 1e-9  # by which a push may exceed the strongest one
-MAX_PLANT_NUMBERS = 1000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PushUnderWay:
-    """The rest of a push."""
-
-    impulse_per_tick: Vector
-    """World frame [N s], shape (2,)."""
-    ticks_left: int
-    link: str = ""
-    """As of `Push`."""
-    point: Vector | None = None
-    """As of `Push`."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "impulse_per_tick", frozen_copy(self.impulse_per_tick, shape=(2,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,38 +56,28 @@ class SimulationState:
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values, from which `state_from_mapping` makes the same state to the last bit."""
-        plant, twin = None if self.driver is None else _plain_plant(self.driver), self.twin
-        return (
-            {
-                "tick": self.tick,
-                "gait": {
-                    "first_support": self.gait.first_support.name.lower(),
-                    "start": None if self.gait.start is None else int(self.gait.start),
-                    "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
-                    "step_duration": self.gait.timing.step_duration,
-                    "retiming": None if self.gait.retiming is None else asdict(self.gait.retiming),
-                },
-                "flight": None if self.flight is None else asdict(self.flight),
-                "com": _plain(self.com, COM),
-                "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
-                "right_foot": _plain(self.right_foot, FOOT) | {"height": float(self.right_foot.height)},
-                "pushes": [
-                    {"impulse_per_tick": push.impulse_per_tick.tolist(), "ticks_left": push.ticks_left}
-                    | ({"link": push.link} if push.link else {})
-                    | ({} if push.point is None else {"point": push.point.tolist()})
-                    for push in self.pushes
-                ],
-                "why_fallen": self.why_fallen,
-                "com_offset": {
-                    "position": self.com_offset.position.tolist(),
-                    "divergent": self.com_offset.dcm.tolist(),
-                },
-                "q": None if self.driver is None else self.driver.q.tolist(),
-                "q_before": None if self.driver is None else self.driver.q_before.tolist(),
-            }
-            | ({} if plant is None else {"plant": plant})
-            | ({} if twin is None else {"twin": twin.to_mapping()})
-        )
+        return {
+            "tick": self.tick,
+            "gait": {
+                "first_support": self.gait.first_support.name.lower(),
+                "start": None if self.gait.start is None else int(self.gait.start),
+                "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
+                "step_duration": self.gait.timing.step_duration,
+                "retiming": None if self.gait.retiming is None else asdict(self.gait.retiming),
+            },
+            "flight": None if self.flight is None else asdict(self.flight),
+            "com": _plain(self.com, COM),
+            "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
+            "right_foot": _plain(self.right_foot, FOOT) | {"height": float(self.right_foot.height)},
+            "pushes": [push.to_mapping() for push in self.pushes],
+            "why_fallen": self.why_fallen,
+            "com_offset": {
+                "position": self.com_offset.position.tolist(),
+                "divergent": self.com_offset.dcm.tolist(),
+            },
+            **({"q": None, "q_before": None} if self.driver is None else self.driver.to_mapping()),
+            **({} if self.twin is None else {"twin": self.twin.to_mapping()}),
+        }
 
 
 # The vectors of each part: how many numbers, and how large they may be.
@@ -136,7 +100,7 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
     Raises:
         InvalidValueError: naming the field, its value and its limit.
     """
-    values = _complete("initial_state", dict(OPTIONAL_KEYS) | check_mapping("initial_state", data), KEYS)
+    values = check_complete("initial_state", dict(OPTIONAL_KEYS) | check_mapping("initial_state", data), KEYS)
     tick = check_whole("initial_state.tick", values["tick"], 0, MAX_TICK)
     if not isinstance(values["why_fallen"], str):
         raise InvalidValueError("initial_state.why_fallen", values["why_fallen"], "must be text")
@@ -147,10 +111,10 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
         left_foot=_foot("initial_state.left_foot", values["left_foot"]),
         right_foot=_foot("initial_state.right_foot", values["right_foot"]),
         com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
-        pushes=_pushes(values["pushes"], robot),
+        pushes=pushes_from_list("initial_state.pushes", values["pushes"], robot),
         why_fallen=values["why_fallen"],
         com_offset=Offset(*_vectors("initial_state.com_offset", values["com_offset"], OFFSET).values()),
-        driver=_driver(values, robot),
+        driver=driver_state_from_mapping("initial_state", values, robot),
         twin=None if values["twin"] is None else state_from_mapping(values["twin"], robot, parameters),
     )
 
@@ -167,18 +131,8 @@ def _plain(part: CoMState | FootState, vectors: Mapping[str, Any]) -> dict[str, 
     return {name: getattr(part, name).tolist() for name in vectors}
 
 
-def _complete(where: str, data: Any, keys: tuple[str, ...]) -> dict[str, Any]:
-    """A mapping that has all of the keys and no other."""
-    values = check_mapping(where, data)
-    check_keys(where, values, set(keys))
-    for key in keys:
-        if key not in values:
-            raise InvalidValueError(f"{where}.{key}", None, "is missing")
-    return values
-
-
 def _vectors(where: str, data: Any, vectors: Mapping[str, tuple[int, float]]) -> dict[str, Vector]:
-    values = _complete(where, data, tuple(vectors))
+    values = check_complete(where, data, tuple(vectors))
     return {
         name: check_vector(f"{where}.{name}", values[name], size, -limit, limit)
         for name, (size, limit) in vectors.items()
@@ -186,7 +140,7 @@ def _vectors(where: str, data: Any, vectors: Mapping[str, tuple[int, float]]) ->
 
 
 def _foot(where: str, data: Any) -> FootState:
-    values = _complete(where, data, (*FOOT, "height"))
+    values = check_complete(where, data, (*FOOT, "height"))
     height = check_range(f"{where}.height", values.pop("height"), 0.0, HIGHEST)
     return FootState(np.array(list(_vectors(where, values, FOOT).values())), height)
 
@@ -195,7 +149,7 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     """The gait; at a tick it may not have ended, but for None, after a fall, from which on it stays as it was."""
     where = "initial_state.gait"
     timing = {"step_duration": parameters.step_duration, "retiming": None}
-    values = _complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
+    values = check_complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
     sides = {side.name.lower(): side for side in Side}
     side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
     if side not in ("left", "right"):
@@ -219,7 +173,7 @@ def _retiming(data: Any, start: Any, parameters: Parameters) -> Retiming | None:
         return None
     if start is None:
         raise InvalidValueError(where, cast(object, data), "must be null where start is null")
-    values = _complete(where, data, ("offset", "first_step_ticks", "samples_per_step"))
+    values = check_complete(where, data, ("offset", "first_step_ticks", "samples_per_step"))
     return Retiming(
         offset=check_whole(f"{where}.offset", values["offset"], 0, per_sample - 1),
         first_step_ticks=check_whole(f"{where}.first_step_ticks", values["first_step_ticks"], per_sample + 1, MAX_TICK),
@@ -231,7 +185,7 @@ def _flight(data: Any, tick: int) -> Flight | None:
     where = "initial_state.flight"
     if data is None:
         return None
-    values = _complete(where, data, ("start", "touchdown", *FLIGHT))
+    values = check_complete(where, data, ("start", "touchdown", *FLIGHT))
     return Flight(
         start=check_whole(f"{where}.start", values["start"], 0, tick),
         touchdown=check_whole(f"{where}.touchdown", values["touchdown"], tick + 1, MAX_TICK),
@@ -248,111 +202,3 @@ def _timing(parameters: Parameters, step_duration: Any) -> Timing:
         limit = f"must be a multiple of sampling_period = {parameters.sampling_period:g}, and at least two of them"
         raise InvalidValueError(where, step_duration, limit)
     return replace(parameters.timing, step_duration=step_duration)
-
-
-def _pushes(data: Any, robot: Robot) -> tuple[PushUnderWay, ...]:
-    where = "initial_state.pushes"
-    if not isinstance(data, list) or len(cast(list[Any], data)) > MAX_PUSHES:
-        raise InvalidValueError(where, cast(object, data), f"must be a list of at most {MAX_PUSHES}")
-    pushes: list[PushUnderWay] = []
-    for i, item in enumerate(cast(list[Any], data)):
-        item = {"link": "", "point": None} | check_mapping(f"{where}[{i}]", item)
-        values = _complete(f"{where}[{i}]", item, ("impulse_per_tick", "ticks_left", "link", "point"))
-        limit, point = robot.max_push * (1.0 + ROUNDING), values["point"]
-        if point is not None:
-            point = check_vector(f"{where}[{i}].point", point, 3, -FARTHEST_POINT, FARTHEST_POINT)
-        impulse = check_vector(f"{where}[{i}].impulse_per_tick", values["impulse_per_tick"], 2, -limit, limit)
-        ticks_left = check_whole(f"{where}[{i}].ticks_left", values["ticks_left"], 1, MAX_TICK)
-        pushes.append(PushUnderWay(impulse, ticks_left, check_text(f"{where}[{i}].link", values["link"]), point))
-    return tuple(pushes)
-
-
-def _plain_plant(state: DriverState) -> dict[str, Any] | None:
-    """Plain values of the plant of a driven body, its sensors and the signs of a fall; None for the ideal one."""
-    if not len(state.plant.numbers):
-        return None
-    estimate, push = state.sensors.estimate, state.signs.push
-    return {
-        "numbers": state.plant.numbers.tolist(),
-        "is_limp": state.plant.is_limp,
-        "standing": [side.name.lower() for side in estimate.standing],
-        "estimate": [*estimate.com.tolist(), *estimate.velocity.tolist()],
-        "delayed": [error.tolist() for error in state.sensors.delayed],
-        "signs": [asdict(sign) for sign in state.signs.signs],
-        "last_push": None if push is None else asdict(push),
-    }
-
-
-PLANT_KEYS = ("numbers", "is_limp", "standing", "estimate", "delayed", "signs", "last_push")
-MAX_DELAYED = 100  # measurements on their way
-
-
-def _driver(values: Mapping[str, Any], robot: Robot) -> DriverState | None:
-    q, q_before = (_configuration(f"initial_state.{name}", values[name], robot) for name in ("q", "q_before"))
-    if q is None or q_before is None:
-        return None
-    where, data = "initial_state.plant", values["plant"]
-    if data is None:
-        return DriverState(q, q_before)
-    plant = _complete(where, data, PLANT_KEYS)
-    if not isinstance(plant["is_limp"], bool):
-        raise InvalidValueError(f"{where}.is_limp", plant["is_limp"], "must be true or false")
-    numbers = _list(f"{where}.numbers", plant["numbers"], MAX_PLANT_NUMBERS)
-    standing = [
-        _side(f"{where}.standing[{i}]", name) for i, name in enumerate(_list(f"{where}.standing", plant["standing"], 2))
-    ]
-    estimate = check_vector(f"{where}.estimate", plant["estimate"], 4, -1e3, 1e3)
-    delayed = _list(f"{where}.delayed", plant["delayed"], MAX_DELAYED)
-    return DriverState(
-        q,
-        q_before,
-        PlantState(check_vector(f"{where}.numbers", numbers, len(numbers)), plant["is_limp"]),
-        SensorState(
-            Estimate(tuple(standing), estimate[:2], estimate[2:]),
-            tuple(check_vector(f"{where}.delayed[{i}]", error, 2, -10.0, 10.0) for i, error in enumerate(delayed)),
-        ),
-        _signs(where, plant),
-    )
-
-
-def _signs(where: str, plant: Mapping[str, Any]) -> FallSigns:
-    signs: list[Sign] = []
-    for i, item in enumerate(_list(f"{where}.signs", plant["signs"], len(SIGNS))):
-        place = f"{where}.signs[{i}]"
-        sign = _complete(place, item, ("name", "first", "last"))
-        if sign["name"] not in SIGNS:
-            raise InvalidValueError(f"{place}.name", sign["name"], f"must be one of {', '.join(SIGNS)}")
-        first, last = (check_whole(f"{place}.{name}", sign[name], 0, MAX_TICK) for name in ("first", "last"))
-        signs.append(Sign(sign["name"], first, last))
-    if plant["last_push"] is None:
-        return FallSigns(tuple(signs))
-    place = f"{where}.last_push"
-    push = _complete(place, plant["last_push"], ("tick", "forward", "left", "phase"))
-    forward, left = (check_range(f"{place}.{name}", push[name], -1e4, 1e4) for name in ("forward", "left"))
-    check_text(f"{place}.phase", push["phase"])
-    last = LastPush(check_whole(f"{place}.tick", push["tick"], 0, MAX_TICK), forward, left, push["phase"])
-    return FallSigns(tuple(signs), last)
-
-
-def _side(where: str, value: Any) -> Side:
-    names = [side.name.lower() for side in Side]
-    if value not in names:
-        raise InvalidValueError(where, value, f"must be one of {', '.join(names)}")
-    return Side[str(value).upper()]
-
-
-def _list(where: str, value: Any, longest: int) -> list[Any]:
-    if not isinstance(value, list) or len(cast(list[Any], value)) > longest:
-        raise InvalidValueError(where, cast(object, value), f"must be a list of at most {longest}")
-    return cast(list[Any], value)
-
-
-def _configuration(where: str, data: Any, robot: Robot) -> Vector | None:
-    if robot.body is None:
-        if data is not None:
-            raise InvalidValueError(where, data, f"must be null: {robot.name} has no body")
-        return None
-    q = check_vector(where, data, configuration_size(robot.body), -FARTHEST, FARTHEST)
-    if abs(float(q[3:7] @ q[3:7]) - 1.0) > QUATERNION_TOLERANCE:
-        raise InvalidValueError(f"{where}[3:7]", q[3:7].tolist(), "must be a unit quaternion")
-    return q

@@ -2,7 +2,7 @@
 
 import math
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +13,8 @@ from walkcore.errors import InvalidValueError
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 FLOAT = np.dtype(np.float64)
+MAX_TICK = 10**9
+FARTHEST = 1e5  # [m] from the origin
 
 
 def frozen_copy(array: ArrayLike, shape: tuple[int, ...] | None = None) -> Vector:
@@ -133,6 +135,31 @@ def check_keys(what: str, given: Mapping[str, Any], known: set[str]) -> None:
     for key in given:
         if key not in known:
             raise InvalidValueError(f"{what}.{key}", given[key], f"unknown; one of {', '.join(sorted(known))}")
+
+
+def check_complete(what: str, value: object, keys: Collection[str]) -> dict[str, Any]:
+    """`value` as a dictionary, if it is a mapping that has all of the keys and no other.
+
+    Raises:
+        InvalidValueError: naming the first unknown or missing key.
+    """
+    values = check_mapping(what, value)
+    check_keys(what, values, set(keys))
+    for key in keys:
+        if key not in values:
+            raise InvalidValueError(f"{what}.{key}", None, "is missing")
+    return values
+
+
+def check_list(field: str, value: object, longest: int) -> list[Any]:
+    """`value`, if it is a list of at most so many items.
+
+    Raises:
+        InvalidValueError: if it is not.
+    """
+    if not isinstance(value, list) or len(cast(list[Any], value)) > longest:
+        raise InvalidValueError(field, cast(object, value), f"must be a list of at most {longest}")
+    return cast(list[Any], value)
 
 
 def rotation(yaw: float) -> Matrix:

@@ -14,26 +14,15 @@ from walkcore.command import FARTHEST_POINT
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import DEPRECATED, SCHEMES
 from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS, PLANTS, STEP_TIMINGS
+from walkcore.plant.driver_state import MAX_DELAYED, MAX_PLANT_NUMBERS
 from walkcore.plant.fall_watch import SIGNS
 from walkcore.plant.world import LIMITS as WORLD_LIMITS
 from walkcore.plant.world import MAX_SEED, SENSORS, World
+from walkcore.pushes import MAX_PUSHES
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION
-from walkcore.state import (
-    COM,
-    FARTHEST,
-    FLIGHT,
-    FOOT,
-    HIGHEST,
-    KEYS,
-    MAX_DELAYED,
-    MAX_PLANT_NUMBERS,
-    MAX_PUSHES,
-    MAX_SAMPLES,
-    MAX_TICK,
-    OFFSET,
-    OPTIONAL_KEYS,
-)
+from walkcore.state import COM, FLIGHT, FOOT, HIGHEST, KEYS, MAX_SAMPLES, OFFSET, OPTIONAL_KEYS
+from walkcore.values import FARTHEST, MAX_TICK
 
 Json = dict[str, Any]
 

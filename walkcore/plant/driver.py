@@ -1,7 +1,6 @@
 """The driver of one body: from targets of the CoM and the feet to joint configurations, torques, and the plant."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,36 +9,15 @@ from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import BodyTarget, Dynamics, WholeBody, moved_on_ground
 from walkcore.mpc.stance import Side
 from walkcore.parameters import Parameters
+from walkcore.plant.driver_state import DriverState, SensorState
 from walkcore.plant.fall_watch import FallSigns
-from walkcore.plant.plant import ExternalForce, GroundContact, IdealPlant, JointCommand, Measurement, Plant, PlantState
+from walkcore.plant.plant import ExternalForce, GroundContact, IdealPlant, JointCommand, Measurement, Plant
 from walkcore.plant.sensors import Estimate, NoisySensors
 from walkcore.plant.stabilizer import PlanarTransform
 from walkcore.plant.world import World
 from walkcore.robot import Robot
 from walkcore.stages import Stages
 from walkcore.values import Vector
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorState:
-    """The memory of the sensors between two ticks."""
-
-    estimate: Estimate = field(default_factory=Estimate)
-    delayed: tuple[Vector, ...] = ()
-    """DCM errors that have been measured and not yet been passed on, the oldest first [m], each of shape (2,)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DriverState:
-    """The state of a driven body between two ticks."""
-
-    q: Vector
-    """Commanded configuration at the coming tick, in Pinocchio's order, shape (nq,)."""
-    q_before: Vector
-    """Commanded configuration one tick earlier, shape (nq,)."""
-    plant: PlantState = field(default_factory=PlantState)
-    sensors: SensorState = field(default_factory=SensorState)
-    signs: FallSigns = field(default_factory=FallSigns)
 
 
 class BodyDriver:

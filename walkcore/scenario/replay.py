@@ -14,8 +14,9 @@ from walkcore.mpc.gait import Phase
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
 from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.pushes import GivenPush
 from walkcore.scenario.recording import Recording
-from walkcore.snapshot import GivenPush, Snapshot
+from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector, frozen_copy
 
 

@@ -11,7 +11,7 @@ import viser
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.stance import Side
-from walkcore.snapshot import GivenPush
+from walkcore.pushes import GivenPush
 from walkcore.values import Vector
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
