@@ -28,12 +28,13 @@ from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
 from app.viewer import LIGHT, RenderQuality, Viewer
-from walkcore import Parameters, load_robot
+from walkcore import load_robot
 
 logger = logging.getLogger(__name__)
 
 # The paper takes 0.8 s to start; a person at a joystick waits for the step.
-LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True, step_timing="adaptive")
+LIVE = {"initial_double_support_duration": 0.3, "dynamic_filter": True, "step_timing": "adaptive"}
+"""Parameters of the live walk that are not the robot's own."""
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
 SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
 SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops
@@ -72,7 +73,8 @@ def create_app(settings: Settings) -> FastAPI:
         WalkError: if there is no such robot.
         OSError: if the folder for runs cannot be written to.
     """
-    runner = Runner(load_robot(settings.robot), LIVE)  # its process starts while the viewer is built
+    robot = load_robot(settings.robot)
+    runner = Runner(robot, robot.parameters.changed(LIVE))  # its process starts while the viewer is built
     lease = DriverLease()
     viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality(), lease)
     runner.wait()

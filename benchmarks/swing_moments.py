@@ -7,28 +7,32 @@ import sys
 
 import numpy as np
 
-from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore import Command, Reference, Simulation, load_robot
 from walkcore.motion.swing_foot import swing_accelerations
 from walkcore.mpc.gait import Phase
 
-WALKS = (Reference(vx=0.3), Reference(vy=0.2), Reference(vx=-0.2), Reference(vx=0.2, vy=0.1))
+WALKS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.6, 0.5))  # shares of the largest reference speeds
 TICKS, SKIPPED = 1000, 300  # of each walk; the first ones are still on the way to its speed
 
 
 def samples(robot_name: str) -> tuple[np.ndarray, np.ndarray]:
     """Rows (foot, knee, com) and the error of the CoP, over single supports, for x and y below each other."""
     rows, errors = [], []
-    for reference in WALKS:
-        simulation = Simulation(load_robot(robot_name), Parameters())
+    robot = load_robot(robot_name)
+    p, (slowest, fastest) = robot.parameters, robot.max_reference["vx"]
+    for forward, left in WALKS:
+        vx = forward * fastest if forward > 0.0 else -forward * slowest
+        simulation = Simulation(robot)
+        reference = Reference(vx, left * robot.max_reference["vy"][1])
         for tick in range(TICKS):
             s = simulation.step(Command(reference))
             if tick < SKIPPED or s.phase is not Phase.SINGLE_SUPPORT or s.time_to_touchdown < 0.01:
                 continue
             landing, foot = s.time_to_touchdown, s.feet[s.support.side.other]
-            lift_off = landing - 0.7
+            lift_off = landing - p.step_duration + p.double_support_duration
             of_motion, of_apex = swing_accelerations(0.0, landing, lift_off, np.zeros(1))
             xy = of_motion @ [*foot.matrix[:, :2], s.plan.footholds[0].position]
-            z = simulation.parameters.swing_height * of_apex
+            z = p.swing_height * of_apex
             rows += [(xy[0, 0], z[0], s.com.acceleration[0]), (xy[0, 1], 0.0, s.com.acceleration[1])]
             errors += list(s.true_cop - s.cop)
     return np.array(rows), np.array(errors)

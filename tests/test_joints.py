@@ -7,6 +7,7 @@ import pytest
 from app.viewer.scene.joints import AnyJoint, FreeFlyer, Hinge, joint_of
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import load_robot
+from walkcore.motion.body_model import load_model
 
 
 def arm_on_a_slide():
@@ -29,7 +30,7 @@ def arm_on_a_slide():
 
 
 MODELS = {
-    "talos": lambda: pin.buildModelFromUrdf(str(load_robot("talos").body.urdf), pin.JointModelFreeFlyer()),
+    "talos": lambda: load_model(load_robot("talos").body),
     "every kind": arm_on_a_slide,
 }
 

@@ -8,6 +8,7 @@ import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, record
 from walkcore.errors import InvalidValueError
+from walkcore.motion.body_model import load_model
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
 from walkcore.plant.world import World
@@ -61,7 +62,7 @@ def test_the_foot_in_the_air_carries_nothing(walked):
 
 
 def test_measured_com_and_soles_are_those_of_pinocchio_in_the_measured_configuration(walked):
-    model = pin.buildModelFromUrdf(str(TALOS.body.urdf), pin.JointModelFreeFlyer())
+    model = load_model(TALOS.body)
     data = model.createData()
     for s in walked[::200]:
         q = np.array(s.q)

@@ -7,7 +7,7 @@ from shapely import MultiPoint, Point
 from walkcore.errors import EmptyRegionError
 from walkcore.mpc.regions import box, foothold_vertices, polygon
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
-from walkcore.robot import load_robot
+from walkcore.robot_file import load_robot
 
 coordinates = st.integers(-1000, 1000).map(lambda millimetres: millimetres / 1000.0)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8)

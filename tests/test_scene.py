@@ -20,6 +20,7 @@ from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.motion.body_model import load_model
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
@@ -53,7 +54,7 @@ def test_links_are_where_forward_kinematics_puts_them(viser_server):
     for _ in range(300):
         snapshot = simulation.step(Command(Reference(vx=0.3)))
     scene.draw(snapshot, simulation.parameters, FRAME_TIME)
-    model = pin.buildModelFromUrdf(str(robot.body.urdf), pin.JointModelFreeFlyer())
+    model = load_model(robot.body)
     data = model.createData()
     pin.forwardKinematics(model, data, snapshot.q)
     turned, moved = latest(scene.updates, "wxyz"), latest(scene.updates, "position")

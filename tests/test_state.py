@@ -40,7 +40,7 @@ def test_a_saved_session_replays_to_the_same_bytes(name):
     drive(simulation, 453)
     parameters, state = simulation.parameters, simulation.state
     commands, changes, snapshots = drive(simulation, 200, seed=1)
-    text = json.dumps(session_scenario("driven", name, parameters, state, commands, changes), allow_nan=False)
+    text = json.dumps(session_scenario("driven", robot, parameters, state, commands, changes), allow_nan=False)
     scenario = scenario_from_mapping(json.loads(text))
     replayed, lived = record(scenario), collect(scenario, snapshots, simulation.body)
     assert replayed["tick"][0] == 453 and len(changes) > 0

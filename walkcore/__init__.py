@@ -3,7 +3,8 @@
 from walkcore.command import Command, Push, Reference
 from walkcore.errors import WalkError
 from walkcore.parameters import Parameters
-from walkcore.robot import Robot, load_robot, robot_names
+from walkcore.robot import Robot
+from walkcore.robot_file import load_robot, robot_names
 from walkcore.scenario.recording import Recording, record
 from walkcore.scenario.scenario import Scenario, load_scenario, scenario_names
 from walkcore.simulation import Simulation

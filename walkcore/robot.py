@@ -3,22 +3,28 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import distribution
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from walkcore.command import Push, Reference
-from walkcore.errors import UnknownNameError
 from walkcore.mpc.regions import closest_band, foothold_vertices
 from walkcore.mpc.stance import Footstep, Side
-from walkcore.plain_yaml import load_yaml
-from walkcore.values import Matrix, Vector, check_range, frozen_copy
+from walkcore.parameters import Parameters
+from walkcore.values import Matrix, Vector, check_range
 
-ROBOTS = files("walkcore") / "robots"
+
+@dataclass(frozen=True, slots=True)
+class SoleFrame:
+    """Frame of a sole: x forward, y to the left, origin in the plane of the sole."""
+
+    name: str
+    link: str
+    """Frame of the URDF that it is fixed to; the sole frame itself where both have the same name."""
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Origin in that frame [m]."""
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw in that frame [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +32,32 @@ class BodyModel:
     """Files and frames that describe the whole body of a robot."""
 
     urdf: Path
-    srdf: Path
     package_folder: Path
     """Folder in which the `package://` addresses of the URDF start."""
-    posture: str
-    """Name of a reference configuration of the SRDF."""
-    left_sole: str
-    right_sole: str
+    left_sole_frame: SoleFrame
+    right_sole_frame: SoleFrame
     torso: str
-    """Names of the frames that the whole-body control holds."""
+    """Name of the frame that is held upright."""
+    srdf: Path | None = None
+    posture: str = ""
+    """Name of a reference configuration of the SRDF, where there is one."""
+    posture_angles: tuple[tuple[str, float], ...] = ()
+    """Joints by name, and their angles in the posture [rad]; the others are at zero, or as the SRDF says."""
+    fixed_joints: tuple[str, ...] = ()
+    """Joints that are held fast at their angle in the posture, such as those of hands."""
+
+    @property
+    def left_sole(self) -> str:
+        """Name of the left sole frame."""
+        return self.left_sole_frame.name
+
+    @property
+    def right_sole(self) -> str:
+        """Name of the right sole frame."""
+        return self.right_sole_frame.name
 
     def sole(self, side: Side) -> str:
-        """Name of a foot's sole frame: x forward, origin in the plane of the sole."""
+        """Name of a foot's sole frame."""
         return self.left_sole if side is Side.LEFT else self.right_sole
 
 
@@ -70,6 +90,10 @@ class Robot:
     """The quantities of a robot, as `robots/<name>.yaml` holds them."""
 
     name: str
+    title: str
+    """Name as it is written in a sentence, such as HRP-2."""
+    source: str
+    """Name or path from which `load_robot` reads it again."""
     mass: float
     """[kg]."""
     com_height: float
@@ -92,6 +116,8 @@ class Robot:
     """Largest impulse that may be given [N s]."""
     swing_moments: SwingMoments
     """Zero for a robot without a body."""
+    parameters: Parameters
+    """The paper's, with the gait that suits this robot's size."""
     body: BodyModel | None
     """None for a robot that is simulated as a point mass with feet."""
 
@@ -140,51 +166,3 @@ class Robot:
         check_range("push.impulse", math.hypot(*push.impulse), 0.0, self.max_push)
         check_range("push.duration", push.duration, 0.0, 10.0)
         return push
-
-
-def robot_names() -> list[str]:
-    """Names of the robots that ship."""
-    return sorted(Path(str(entry)).stem for entry in ROBOTS.iterdir() if str(entry).endswith(".yaml"))
-
-
-@cache
-def load_robot(name: str) -> Robot:
-    """The robot of that name, a value that is read once.
-
-    Raises:
-        UnknownNameError: if there is none.
-    """
-    if name not in robot_names():
-        raise UnknownNameError("robot", name, robot_names())
-    data = load_yaml(ROBOTS / f"{name}.yaml", "robot")
-    return Robot(
-        name=data["name"],
-        mass=float(data["mass"]),
-        com_height=float(data["com_height"]),
-        stance_width=float(data["stance_width"]),
-        sole=frozen_copy(data["sole"]),
-        foothold_regions=tuple(
-            FootholdRegion(float(band["yaw"][0]), float(band["yaw"][1]), frozen_copy(band["region"]))
-            for band in data["foothold_regions"]
-        ),
-        max_foot_speed=frozen_copy(data["max_foot_speed"], shape=(2,)),
-        max_foot_yaw_rate=float(data["max_foot_yaw_rate"]),
-        max_com_distance=float(data["max_com_distance"]),
-        max_reference={key: (float(low), float(high)) for key, (low, high) in data["max_reference"].items()},
-        max_push=float(data["max_push"]),
-        swing_moments=SwingMoments(**data.get("swing_moments", {"foot": 0.0, "knee": 0.0, "com": 0.0})),
-        body=_body_model(data["body"]) if "body" in data else None,
-    )
-
-
-def _body_model(data: Mapping[str, Any]) -> BodyModel:
-    folder = Path(str(distribution(data["package"]).locate_file(data["folder"])))
-    return BodyModel(
-        urdf=folder / data["urdf"],
-        srdf=folder / data["srdf"],
-        package_folder=folder.parents[2],
-        posture=data["posture"],
-        left_sole=data["left_sole"],
-        right_sole=data["right_sole"],
-        torso=data["torso"],
-    )

@@ -34,7 +34,8 @@ from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
 from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
 from walkcore.plant.world import PERFECT, World
 from walkcore.pushes import NO_IMPULSE, Pushes
-from walkcore.robot import Robot, load_robot
+from walkcore.robot import Robot
+from walkcore.robot_file import load_robot
 from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.state import SimulationState
@@ -57,7 +58,7 @@ class Simulation:
 
         Args:
             robot: Talos if none is given.
-            parameters: the paper's if none are given.
+            parameters: the robot's own if none are given: the paper's, for Talos and HRP-2.
             stages: listens to the stages of each tick; it never changes what they decide.
             world: that a plant with contact physics stands in; the ideal plant and the model know only the perfect one.
 
@@ -67,7 +68,7 @@ class Simulation:
             EmptyRegionError: if the CoP margin leaves nothing of a sole.
         """
         self.robot = load_robot("talos") if robot is None else robot
-        self.parameters = Parameters() if parameters is None else parameters
+        self.parameters = self.robot.parameters if parameters is None else parameters
         self._stages = stages
         self._generator = PatternGenerator(self.robot, self.parameters, stages)
         self._step_timing = self._make_step_timing()

@@ -17,7 +17,6 @@ TITLES = {
     "full": "QP (19): speed, jerk and CoP",
     "mean_velocity": "QP (31): mean speed over two steps",
 }
-NAMES = {"hrp2": "HRP-2", "talos": "Talos"}
 INTRODUCTION = """\
 # The paper's claims, and what was measured
 
@@ -57,13 +56,13 @@ def make_figures(
         folder.mkdir(exist_ok=True)
         draw_figures(folder, walks, formats)
         report(f"{robot}: drawn into {folder}")
-    _write_report(out / "report.md", [(NAMES[w.robot.name], w, claims(w, times)) for w, times in walked])
+    _write_report(out / "report.md", [(w.robot.title, w, claims(w, times)) for w, times in walked])
     report(f"claims and measurements written to {out / 'report.md'}")
 
 
 def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
     """All figures of one robot."""
-    name, by_scheme = NAMES[walks.robot.name], walks.by_scheme
+    name, by_scheme = walks.robot.title, walks.by_scheme
     previewing_two_steps = [by_scheme[scheme] for scheme in ("speed_only", "speed_and_jerk", "full")]
     forward = drawing.speed_limits(previewing_two_steps, "x")
     lateral = drawing.speed_limits([by_scheme["full"], by_scheme["mean_velocity"]], "y")  # to be compared by eye

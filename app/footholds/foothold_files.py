@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 
 from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT, SUPPORT, Colour
 from app.footholds.foothold_study import FootholdStudy
-from walkcore import Robot, load_robot
+from walkcore import Robot
 from walkcore.footholds.safe_polygon import area
 from walkcore.footholds.step_feasibility import Feasibility
 from walkcore.footholds.study import HIGHEST, LOWEST, common_vertices
@@ -71,19 +71,20 @@ def _counts(outcomes: Sequence[Feasibility]) -> str:
 
 def draw(found: FootholdStudy, file: Path) -> None:
     """Draw one panel for each band of yaw; the same study gives the same file."""
-    robot = load_robot(found.robot)
     nb_rows = len(found.regions) // NB_COLUMNS + 1  # the last panel is the legend's
     with mpl.rc_context({"svg.hashsalt": "walk", "svg.fonttype": "none", "font.size": 8}):
         figure = Figure(figsize=(3.3 * NB_COLUMNS, 4.6 * nb_rows), layout="constrained")
         panels = figure.subplots(nb_rows, NB_COLUMNS).ravel()
         for panel, region in zip(panels, found.regions, strict=False):
-            _draw_soles(panel, robot, region)
+            _draw_soles(panel, found.robot, region)
             _draw_placements(panel, found, region)
         for panel in panels[len(found.regions) :]:
             panel.set_axis_off()
         handles, labels = panels[0].get_legend_handles_labels()
         panels[-1].legend(handles, labels, loc="center", frameon=False, markerscale=1.6, fontsize=10)
-        figure.suptitle(f"{len(found.outcomes)} footholds of {found.robot}, with the CoM at {found.com_height:g} m")
+        figure.suptitle(
+            f"{len(found.outcomes)} footholds of {found.robot.title}, with the CoM at {found.com_height:g} m"
+        )
         figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=200)
 
 

@@ -35,7 +35,7 @@ CHUNK = 16  # trials that a process takes at a time
 class FootholdStudy:
     """Placements and steps that were tried, their outcomes, and the regions that sum them up."""
 
-    robot: str
+    robot: Robot
     com_height: float
     """Height of the CoM [m]."""
     nb_samples: int
@@ -53,7 +53,7 @@ class FootholdStudy:
     def command(self) -> str:
         """Command line that reproduces this study."""
         return (
-            f"walk footholds {self.robot} --samples {self.nb_samples} --seed {self.seed}"
+            f"walk footholds {self.robot.source} --samples {self.nb_samples} --seed {self.seed}"
             f" --com-height {self.com_height:g}"
         )
 
@@ -83,7 +83,7 @@ def study(
     if nb_samples < FEWEST_SAMPLES:
         raise InvalidValueError("samples", nb_samples, f"must be at least {FEWEST_SAMPLES}")
     height = StepFeasibility(robot, com_height).com_height  # fails here for what cannot be tried at all
-    try_placement, try_pair = (partial(function, robot.name, height) for function in (_try_placement, _try_pair))
+    try_placement, try_pair = (partial(function, robot.source, height) for function in (_try_placement, _try_pair))
     placements = sampled_placements(nb_samples, seed)
     with JobPool(nb_workers) as pool:
         outcomes = _outcomes(pool, try_placement, placements, "placements")
@@ -95,7 +95,7 @@ def study(
             regions = safe_regions(placements, outcomes, robot.stance_width)
         pairs = sampled_steps(regions, round(nb_samples * SHARE_OF_STEPS), seed)
         steps = _outcomes(pool, try_pair, pairs, "steps")
-    return FootholdStudy(robot.name, height, nb_samples, seed, placements, outcomes, regions, steps)
+    return FootholdStudy(robot, height, nb_samples, seed, placements, outcomes, regions, steps)
 
 
 def _outcomes(pool: JobPool, try_step: "partial[Feasibility]", steps: Matrix, label: str) -> list[Feasibility]:

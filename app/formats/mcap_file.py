@@ -37,6 +37,7 @@ from app.drawing import palette
 from app.formats import COUNTS, unit
 from app.formats import foxglove as fg
 from walkcore import Recording, Snapshot
+from walkcore.motion.body_model import load_model
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot import BodyModel
 from walkcore.scenario.replay import replayed
@@ -161,7 +162,7 @@ class _Links:
 
     def __init__(self, body: BodyModel) -> None:
         """Load the model."""
-        self._model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        self._model = load_model(body)
         self._data = self._model.createData()
         self._links = [(i, frame.name) for i, frame in enumerate(self._model.frames) if self._is_link(i)]
         self._joints = list(self._model.names[2:])

@@ -134,7 +134,7 @@ class Session:
         first = self.segments[0]
         commands = [command for command, _ in ticks]
         changes = dict(self._changes())
-        mapping = session_scenario(name, robot.name, first.parameters, first.state, commands, changes, first.world)
+        mapping = session_scenario(name, robot, first.parameters, first.state, commands, changes, first.world)
         body = None if robot.body is None else WholeBody(robot.body)
         return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
 

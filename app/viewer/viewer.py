@@ -50,7 +50,7 @@ class Viewer:
             lease: of the controls, which the sliders of the panel heed.
         """
         self._runner = runner
-        self.server, self.socket = start_server(runner.robot.name.capitalize())
+        self.server, self.socket = start_server(runner.robot.title)
         """viser's server, and the Unix socket on which it listens."""
         refuse_tunnels(self.server)
         self.server.gui.configure_theme(

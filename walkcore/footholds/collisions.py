@@ -1,5 +1,5 @@
 # pyright: basic, reportMissingImports=false
-# (Pinocchio ships no types)
+# (Pinocchio and Coal ship no types)
 """Distances between the legs of a body.
 
 Thighs, shins with their knees, ankles and feet of one side against those of the
@@ -10,6 +10,7 @@ hundred times faster to ask.
 
 from itertools import product
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -57,13 +58,14 @@ class LegDistances:
         )
 
     def _add_hulls(self, every: pin.GeometryModel, joints: list[int]) -> list[int]:
-        """Add the hulls of all links that these joints move; their indices."""
+        """Add the hulls of all meshes that these joints move, and their simpler shapes as they are; their indices."""
         indices: list[int] = []
         for link in every.geometryObjects:
             if link.parentJoint in joints:
-                link.geometry.buildConvexHull(True, "Qt")
                 hull = link.copy()
-                hull.geometry = link.geometry.convex
+                if isinstance(link.geometry, coal.BVHModelBase):
+                    link.geometry.buildConvexHull(True, "Qt")
+                    hull.geometry = link.geometry.convex
                 indices.append(self._geometry.addGeometryObject(hull))
         return indices
 

@@ -14,7 +14,7 @@ limits, collisions of the legs with each other, and joint speeds.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -27,7 +27,6 @@ from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.gait import Gait, Phase
 from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.stance import Footstep, Side
-from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.values import Vector, rotation
 
@@ -88,7 +87,7 @@ class StepFeasibility:
         """
         if robot.body is None:
             raise InvalidValueError("robot", robot.name, "has no body that could be checked")
-        self._robot, self._parameters = robot, Parameters(control_period=INSTANT)
+        self._robot, self._parameters = robot, replace(robot.parameters, control_period=INSTANT)
         self._gait = Gait(self._parameters.timing, Side.RIGHT, start=0)
         self.com_height = robot.com_height if com_height is None else com_height
         self._body = WholeBody(robot.body)
@@ -158,7 +157,9 @@ class StepFeasibility:
 
     def _bend(self, q: Vector) -> Vector:
         """Angles of the knees from straight [rad], shape (2,)."""
-        return q[self._knee_angles] - self._body.model.lowerPositionLimit[self._knee_angles]
+        model, knees = self._body.model, self._knee_angles
+        straight = np.clip(0.0, model.lowerPositionLimit[knees], model.upperPositionLimit[knees])
+        return np.abs(q[knees] - straight)
 
     def _reason(self, q: Vector) -> Feasibility:
         """The reason for which the inverse kinematics came no closer than to `q`."""

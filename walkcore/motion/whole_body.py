@@ -9,7 +9,6 @@ neglects what the turning of the body's parts adds.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +17,7 @@ from pink.exceptions import PinkError
 from pink.tasks import ComTask, FrameTask, PostureTask
 
 from walkcore.errors import InverseKinematicsError
+from walkcore.motion.body_model import load_model
 from walkcore.motion.swing_foot import FootState
 from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
@@ -60,23 +60,14 @@ class WholeBody:
 
     def __init__(self, body: BodyModel) -> None:
         """Load the model of a body."""
-        self.model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
-        pin.loadReferenceConfigurations(self.model, str(body.srdf), False)
+        self.model = load_model(body)
+        posture = self.model.referenceConfigurations["posture"]
         has_limit = self.model.upperPositionLimit < 1e20
         has_limit[:7] = False  # the floating base
         self.model.lowerPositionLimit[has_limit] += LIMIT_MARGIN
         self.model.upperPositionLimit[has_limit] -= LIMIT_MARGIN
-        self.posture = frozen_copy(
-            np.where(
-                has_limit,
-                np.clip(
-                    self.model.referenceConfigurations[body.posture],
-                    self.model.lowerPositionLimit + LIMIT_MARGIN,
-                    self.model.upperPositionLimit - LIMIT_MARGIN,
-                ),
-                self.model.referenceConfigurations[body.posture],
-            )
-        )
+        lower, upper = self.model.lowerPositionLimit + LIMIT_MARGIN, self.model.upperPositionLimit - LIMIT_MARGIN
+        self.posture = frozen_copy(np.where(has_limit, np.clip(posture, lower, upper), posture))
         self._data, self._data_of_dynamics = self.model.createData(), self.model.createData()
         self._configuration = Configuration(self.model, self._data, self.posture, copy_data=False)
         self._soles = {
@@ -239,12 +230,6 @@ class WholeBody:
             jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
             wrench: Vector = np.multiply(share, np.concatenate([force, left_over]))
             yield wrench, jacobian
-
-
-@cache
-def configuration_size(body: BodyModel) -> int:
-    """nq: numbers in a configuration of that body."""
-    return int(pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer()).nq)
 
 
 def moved_on_ground(q: Vector, yaw: float, translation: Vector) -> Vector:

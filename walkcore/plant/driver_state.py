@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from walkcore.errors import InvalidValueError
-from walkcore.motion.whole_body import configuration_size
+from walkcore.motion.body_model import configuration_size
 from walkcore.mpc.stance import Side
 from walkcore.plant.fall_watch import SIGNS, FallSigns, LastPush, Sign
 from walkcore.plant.plant import PlantState

@@ -24,6 +24,7 @@ SHELL_RADIUS = 0.05  # [m] of the capsules around the links
 NB_STRIPS = 60  # to either side of the origin
 STRIP_LENGTH = 60.0  # [m]
 GROUND, ROBOT = 1, 2  # bits of what collides with what
+STIFF, ANKLE, ARM = (44.0, 2.2), (7.3, 0.44), (7.3, 0.29)  # gains of servos [1/s^2, 1/s], times the robot's inertia
 FREE_FLYER = 7  # numbers of the floating base in a configuration
 EFFORT_OF_BASE = 6  # velocities of the floating base
 
@@ -181,19 +182,24 @@ def _torso(robot: Robot, pinocchio: pin.Model) -> int:
 
 
 def _gains(robot: Robot, pinocchio: pin.Model) -> dict[int, Servo]:
-    """Servo of each joint: stiff legs and torso, ankles that give way, light arms."""
+    """Servo of each joint: stiff legs and torso, ankles that give way, light arms.
+
+    In proportion to the inertia m h^2 of the whole robot about its feet, so that robots of other sizes swing alike.
+    """
     assert robot.body is not None
-    gains = {joint: Servo(500.0, 20.0) for joint in range(2, pinocchio.njoints)}
+    inertia = robot.mass * robot.com_height**2
+    stiff, ankle, arm = (Servo(kp * inertia, kd * inertia) for kp, kd in (STIFF, ANKLE, ARM))
+    gains = {joint: arm for joint in range(2, pinocchio.njoints)}
     torso = _torso(robot, pinocchio)
     for joint in list(pinocchio.supports[torso])[2:]:
-        gains[joint] = Servo(3000.0, 150.0)
+        gains[joint] = stiff
     for side in Side:
         foot = pinocchio.frames[pinocchio.getFrameId(robot.body.sole(side))].parentJoint
         leg = list(pinocchio.supports[foot])[2:]
         for joint in leg[:-2]:
-            gains[joint] = Servo(3000.0, 150.0)
+            gains[joint] = stiff
         for joint in leg[-2:]:
-            gains[joint] = Servo(500.0, 30.0)
+            gains[joint] = ankle
     return gains
 
 

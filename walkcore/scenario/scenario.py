@@ -12,7 +12,8 @@ from walkcore.mpc.regions import inset_vertices
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
 from walkcore.plant.world import PERFECT, World
-from walkcore.robot import Robot, load_robot
+from walkcore.robot import Robot
+from walkcore.robot_file import load_robot
 from walkcore.scenario.events import Event, commands
 from walkcore.scenario.expectations import Expectation, expectations_from_mapping
 from walkcore.state import SimulationState, state_from_mapping
@@ -207,7 +208,7 @@ def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters)
 
 def _parameters(values: dict[str, Any], robot: Robot) -> Parameters:
     try:
-        return _fitting(Parameters.from_mapping(values), robot)
+        return _fitting(robot.parameters.changed(values), robot)
     except InvalidValueError as error:
         raise _of_parameters(error) from error
 

@@ -6,12 +6,13 @@ from typing import Any
 from walkcore.command import Command, Push, Reference
 from walkcore.parameters import Parameters
 from walkcore.plant.world import PERFECT, World
+from walkcore.robot import Robot
 from walkcore.state import SimulationState
 
 
 def session_scenario(
     name: str,
-    robot: str,
+    robot: Robot,
     parameters: Parameters,
     state: SimulationState,
     commands: Sequence[Command],
@@ -22,7 +23,7 @@ def session_scenario(
 
     Args:
         name: of the scenario.
-        robot: name of one that ships.
+        robot: that walked.
         parameters: in force before the first command.
         state: before the first command.
         commands: one a tick.
@@ -45,9 +46,9 @@ def session_scenario(
             events.append({"t": index * parameters.control_period} | event)
     return {
         "name": name,
-        "robot": robot,
+        "robot": robot.source,
         "duration": len(commands) * parameters.control_period,
-        "parameters": _difference(Parameters(), parameters),
+        "parameters": _difference(robot.parameters, parameters),
         **({} if world == PERFECT else {"world": world.to_mapping()}),
         "initial_state": state.to_mapping(),
         "events": events,

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
-
 from app.drawing.palette import COMMANDED, TWIN, Colour
 from app.viewer.scene.frame import LIGHT, Canvas, Frame
 from app.viewer.scene.joints import joint_of
@@ -14,6 +12,7 @@ from app.viewer.scene.robot_mesh import BodyPart, body_parts
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
 from walkcore import Snapshot
+from walkcore.motion.body_model import load_model
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
 
@@ -45,7 +44,7 @@ class GhostDrawing:
         canvas.server.scene.add_frame(self._root, show_axes=False, visible=False, position=(*style.place, 0.0))
         if canvas.robot.body is None:
             return
-        model = pin.buildModelFromUrdf(str(canvas.robot.body.urdf), pin.JointModelFreeFlyer())
+        model = load_model(canvas.robot.body)
         parts = _coarse_parts(canvas.robot.body)
         nodes = add_joints(canvas.server, self._root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
@@ -73,5 +72,5 @@ class GhostDrawing:
 
 @lru_cache(maxsize=1)  # both ghosts have the same
 def _coarse_parts(body: BodyModel) -> list[BodyPart]:
-    model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+    model = load_model(body)
     return body_parts(body, model, LIGHT.face_ratio)

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 
 from walkcore import Snapshot
+from walkcore.motion.body_model import load_model
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
 
@@ -22,7 +23,7 @@ class LinkPoints:
             links: joint that moves each drawn mesh, by the path of its node.
             origin: place of the world's origin in the scene [m], shape (3,), which moves with the robot.
         """
-        self._model: Any = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        self._model: Any = load_model(body)
         self._data = self._model.createData()
         self._links, self._origin = links, origin
 

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
 import trimesh
 import viser
 
@@ -16,6 +15,7 @@ from app.viewer.scene.primitives import plate
 from app.viewer.scene.robot_mesh import body_parts
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
+from walkcore.motion.body_model import load_model
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
@@ -37,7 +37,7 @@ class BodyDrawing:
 
     def __init__(self, canvas: Canvas, body: BodyModel) -> None:
         """Load and send the meshes once."""
-        model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
+        model = load_model(body)
         self._colours: dict[str, Colour] = {}
         self._opacities: dict[str, float | None] = {}
         self._has_fallen = self._is_translucent = False
