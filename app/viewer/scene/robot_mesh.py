@@ -1,7 +1,7 @@
 """Visual meshes of a robot's URDF, decimated, one for each moving joint and colour."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -50,6 +50,7 @@ def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[Bod
     """
     find_mesh = partial(yourdfpy.filename_handler_magic, dir=body.urdf.parent)
     urdf = yourdfpy.URDF.load(str(body.urdf), filename_handler=find_mesh, build_scene_graph=False, load_meshes=False)
+    colours = {material.name: material.color for material in urdf.robot.materials if material.color is not None}
     pieces: dict[tuple[int, Colour], list[trimesh.Trimesh]] = defaultdict(list)
     for name, link in urdf.link_map.items():
         frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
@@ -58,8 +59,7 @@ def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[Bod
             origin = np.eye(4) if visual.origin is None else visual.origin
             mesh.apply_transform(frame.placement.homogeneous @ origin)
             mesh.merge_vertices(merge_norm=True, merge_tex=True)
-            material = visual.material.name if visual.material is not None else None
-            pieces[frame.parentJoint, MATERIALS.get(material or "", DEFAULT_MATERIAL)].append(mesh)
+            pieces[frame.parentJoint, _colour(visual.material, colours)].append(mesh)
     meshes = [mesh for group in pieces.values() for mesh in group]
     faces_per_area = face_ratio * sum(len(mesh.faces) for mesh in meshes) / sum(mesh.area for mesh in meshes)
     fewest = face_ratio * FEWEST_FACES
@@ -67,6 +67,19 @@ def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[Bod
         _part(joint, colour, [_decimated(mesh, max(fewest, faces_per_area * mesh.area)) for mesh in group])
         for (joint, colour), group in pieces.items()
     ]
+
+
+def _colour(material: yourdfpy.Material | None, colours: Mapping[str | None, yourdfpy.Color]) -> Colour:
+    """Ours for the material of a name that we know, else the URDF's own."""
+    if material is None:
+        return DEFAULT_MATERIAL
+    if material.name in MATERIALS:
+        return MATERIALS[material.name]
+    own = material.color or colours.get(material.name)
+    if own is None:
+        return DEFAULT_MATERIAL
+    r, g, b = (round(255.0 * min(max(float(share), 0.0), 1.0)) for share in own.rgba[:3])
+    return r, g, b
 
 
 def _mesh(geometry: yourdfpy.Geometry, find_mesh: partial[str]) -> trimesh.Trimesh:
