@@ -34,7 +34,7 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     """Port to listen on; 0 takes a free one."""
     robot: str = "talos"
-    """Robot that walks on the page."""
+    """Robot that walks on the page: the name of one that ships, or the path of a robot file."""
     walk_plant: Literal["auto", "ideal", "mujoco"] = "auto"
     """Plant that the joints move at the start: auto takes contact physics where this machine keeps up with it."""
     scene: Literal["full", "light"] = "full"

@@ -28,10 +28,12 @@ CORE = """
     scenario.expectations scenario.events scenario.scenario
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound
+    robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
-    settings descriptions jobs drawing live viewer formats runs http bench figures report footholds routes main commands
+    settings descriptions jobs robot_files drawing live viewer formats runs http bench figures report footholds routes
+    main commands
 """.split()
 
 

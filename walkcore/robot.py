@@ -15,12 +15,12 @@ from walkcore.values import Matrix, Vector, check_range
 
 
 @dataclass(frozen=True, slots=True)
-class SoleFrame:
-    """Frame of a sole: x forward, y to the left, origin in the plane of the sole."""
+class FixedFrame:
+    """Frame that is fixed to a link: of a sole, x forward and origin in its plane; of the torso, upright."""
 
     name: str
     link: str
-    """Frame of the URDF that it is fixed to; the sole frame itself where both have the same name."""
+    """Frame of the URDF that it is fixed to; the frame itself where both have the same name."""
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Origin in that frame [m]."""
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -34,10 +34,10 @@ class BodyModel:
     urdf: Path
     package_folder: Path
     """Folder in which the `package://` addresses of the URDF start."""
-    left_sole_frame: SoleFrame
-    right_sole_frame: SoleFrame
-    torso: str
-    """Name of the frame that is held upright."""
+    left_sole_frame: FixedFrame
+    right_sole_frame: FixedFrame
+    torso_frame: FixedFrame
+    """Frame that is held upright, and turns with the heading."""
     srdf: Path | None = None
     posture: str = ""
     """Name of a reference configuration of the SRDF, where there is one."""
@@ -55,6 +55,11 @@ class BodyModel:
     def right_sole(self) -> str:
         """Name of the right sole frame."""
         return self.right_sole_frame.name
+
+    @property
+    def torso(self) -> str:
+        """Name of the torso's frame."""
+        return self.torso_frame.name
 
     def sole(self, side: Side) -> str:
         """Name of a foot's sole frame."""

@@ -11,7 +11,7 @@ from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameErro
 from walkcore.mpc.regions import polygon
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
-from walkcore.robot import BodyModel, FootholdRegion, Robot, SoleFrame, SwingMoments
+from walkcore.robot import BodyModel, FixedFrame, FootholdRegion, Robot, SwingMoments
 from walkcore.values import (
     Matrix,
     check_complete,
@@ -194,9 +194,9 @@ def _body(data: Any, folder: Path) -> BodyModel:
     return BodyModel(
         urdf=urdf,
         package_folder=packages,
-        left_sole_frame=_sole_frame(f"{where}.left_sole", values["left_sole"], "left_sole"),
-        right_sole_frame=_sole_frame(f"{where}.right_sole", values["right_sole"], "right_sole"),
-        torso=check_text(f"{where}.torso", values["torso"]),
+        left_sole_frame=_fixed_frame(f"{where}.left_sole", values["left_sole"], "left_sole"),
+        right_sole_frame=_fixed_frame(f"{where}.right_sole", values["right_sole"], "right_sole"),
+        torso_frame=_fixed_frame(f"{where}.torso", values["torso"], "torso_upright"),
         srdf=srdf,
         posture=check_text(f"{where}.posture", values.get("posture", "")),
         posture_angles=tuple(
@@ -221,11 +221,12 @@ def _file(where: str, folder: Path, name: Any) -> Path:
     return path
 
 
-def _sole_frame(where: str, data: Any, name: str) -> SoleFrame:
+def _fixed_frame(where: str, data: Any, name: str) -> FixedFrame:
     """A frame of the URDF by its name, or one that is fixed to a link of it."""
     if isinstance(data, str):
-        return SoleFrame(data, data)
-    values = check_complete(where, {"rpy": [0.0, 0.0, 0.0]} | check_mapping(where, data), ("link", "position", "rpy"))
+        return FixedFrame(data, data)
+    defaults = {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+    values = check_complete(where, defaults | check_mapping(where, data), ("link", "position", "rpy"))
     x, y, z = check_vector(f"{where}.position", values["position"], 3, -LARGEST, LARGEST).tolist()
     roll, pitch, yaw = check_vector(f"{where}.rpy", values["rpy"], 3, -7.0, 7.0).tolist()
-    return SoleFrame(name, check_text(f"{where}.link", values["link"]), (x, y, z), (roll, pitch, yaw))
+    return FixedFrame(name, check_text(f"{where}.link", values["link"]), (x, y, z), (roll, pitch, yaw))

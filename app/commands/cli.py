@@ -1,6 +1,6 @@
 """Make a humanoid walk by linear MPC: serve it on a page, or simulate scenarios."""
 
-from app.settings import Settings, usable_cores  # first: it sets what numpy reads when it loads
+from app.settings import Settings  # first: it sets what numpy reads when it loads
 
 # isort: split
 
@@ -16,8 +16,9 @@ from typing import Annotated, Literal
 import tyro
 from pydantic import ValidationError
 
+from app.commands.robot_commands import FootholdsCommand, ImportCommand, RobotsCommand
 from app.commands.run_commands import CompareCommand, ReportCommand, RunCommand, ScenariosCommand
-from walkcore import Parameters, WalkError, load_robot, robot_names
+from walkcore import Parameters, WalkError
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +30,7 @@ class ServeCommand:
     port: int = field(default_factory=lambda: Settings().port)
     """Port to listen on, 0 for a free one (environment: PORT)."""
     robot: str = field(default_factory=lambda: Settings().robot)
-    """Robot that walks on the page (environment: ROBOT)."""
+    """Robot that walks on the page, by name or by the path of its file (environment: ROBOT)."""
     plant: Literal["auto", "ideal", "mujoco"] = field(default_factory=lambda: Settings().walk_plant)
     """Plant that the joints move: auto takes contact physics where this machine keeps up (environment: WALK_PLANT)."""
     scene: Literal["full", "light"] = field(default_factory=lambda: Settings().scene)
@@ -40,43 +41,6 @@ class ServeCommand:
         from app.main import serve  # loads the server's libraries, which takes a second; other commands need none
 
         serve(Settings(host=self.host, port=self.port, robot=self.robot, walk_plant=self.plant, scene=self.scene))
-
-
-@dataclass(frozen=True, slots=True)
-class RobotsCommand:
-    """List the robots that ship."""
-
-    def __call__(self) -> None:
-        """Print name and limits of each robot."""
-        for name in robot_names():
-            robot = load_robot(name)
-            limits = ", ".join(f"{key} {low:g} to {high:g}" for key, (low, high) in robot.max_reference.items())
-            print(f"{name:8} {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
-
-
-@dataclass(frozen=True, slots=True)
-class FootholdsCommand:
-    """Find the regions where a robot may put its feet, by trying thousands of steps."""
-
-    robot: tyro.conf.Positional[str]
-    """Name of a robot with a body (see `walk robots`)."""
-    out: Path = Path("footholds")
-    """Folder for footholds.yaml, footholds.csv and footholds.svg."""
-    samples: int = 3000
-    """Placements to try, before those along the edges of the polygons."""
-    seed: int = 0
-    """Seed of the samples: the same seed gives the same polygons."""
-    com_height: float | None = None
-    """Height of the CoM above the ground [m]; the robot's own if not given."""
-
-    def __call__(self) -> None:
-        """Try, write, and print the regions."""
-        from app.footholds.foothold_files import summary, write  # draws: a library that takes a second to load
-        from app.footholds.foothold_study import study
-
-        found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
-        write(found, self.out)
-        print(summary(found), end="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +88,7 @@ SubCommand = (
     | Annotated[ScenariosCommand, tyro.conf.subcommand("scenarios")]
     | Annotated[RobotsCommand, tyro.conf.subcommand("robots")]
     | Annotated[FootholdsCommand, tyro.conf.subcommand("footholds")]
+    | Annotated[ImportCommand, tyro.conf.subcommand("import")]
 )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from walkcore.errors import InvalidValueError
-from walkcore.robot import BodyModel, SoleFrame
+from walkcore.robot import BodyModel, FixedFrame
 from walkcore.values import Vector
 
 FREE_FLYER = 7  # numbers of the floating base in a configuration
@@ -40,9 +40,9 @@ def load_model(body: BodyModel) -> pin.Model:
         angles = [posture[joint.idx_q : joint.idx_q + joint.nq] for joint in kept]
         model, posture = reduced, np.concatenate([posture[:FREE_FLYER], *angles])
     model.referenceConfigurations["posture"] = posture
-    for frame in (body.left_sole_frame, body.right_sole_frame):
-        _add_sole_frame(model, frame)
-    _frame(model, body.torso, "torso")
+    frames = {"left_sole": body.left_sole_frame, "right_sole": body.right_sole_frame, "torso": body.torso_frame}
+    for field, frame in frames.items():
+        _add_frame(model, frame, field)
     return model
 
 
@@ -80,8 +80,8 @@ def _frame(model: pin.Model, name: str, field: str) -> int:
     return model.getFrameId(name)
 
 
-def _add_sole_frame(model: pin.Model, frame: SoleFrame) -> None:
-    link = model.frames[_frame(model, frame.link, "left_sole" if "left" in frame.name else "right_sole")]
+def _add_frame(model: pin.Model, frame: FixedFrame, field: str) -> None:
+    link = model.frames[_frame(model, frame.link, field)]
     if frame.link == frame.name:
         return
     placement = link.placement * pin.SE3(pin.rpy.rpyToMatrix(*frame.rpy), np.array(frame.position))

@@ -1,0 +1,104 @@
+"""Commands on robots: list those that ship, import others, and find where they can step."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from app.settings import usable_cores
+from walkcore import load_robot, robot_names
+from walkcore.errors import InvalidValueError
+
+
+@dataclass(frozen=True, slots=True)
+class RobotsCommand:
+    """List the robots that ship."""
+
+    def __call__(self) -> None:
+        """Print name and limits of each robot."""
+        for name in robot_names():
+            robot = load_robot(name)
+            limits = ", ".join(f"{key} {low:g} to {high:g}" for key, (low, high) in robot.max_reference.items())
+            print(f"{name:9} {robot.title}, {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
+
+
+@dataclass(frozen=True, slots=True)
+class ImportCommand:
+    """Measure a robot on its URDF, tell what is wrong with it, and write a robot file that walks."""
+
+    urdf: tyro.conf.Positional[Path]
+    """URDF of a biped."""
+    out: Path
+    """Robot file to write, such as my-robot.yaml."""
+    name: str = ""
+    """Name of the robot; by default that of the file."""
+    packages: Path | None = None
+    """Folder in which the package:// addresses of the URDF start; by default found above the URDF."""
+    left_foot: str = ""
+    """Link of the left foot, where the two lowest ends of the tree are not the feet."""
+    right_foot: str = ""
+    """Link of the right foot."""
+    torso: str = ""
+    """Link that is held upright; by default the heaviest that no leg moves."""
+
+    def __call__(self) -> None:
+        """Measure, write and tell."""
+        from app.robot_files import robot_text  # the libraries of the body take a second to load
+        from walkcore.robot_file import robot_from_mapping
+        from walkcore.robot_import.findings import findings
+        from walkcore.robot_import.measure import measure, robot_mapping
+
+        if not self.urdf.is_file():
+            raise InvalidValueError("urdf", str(self.urdf), "must be a file")
+        if bool(self.left_foot) is not bool(self.right_foot):
+            raise InvalidValueError(
+                "right_foot", self.right_foot, "must be given where left_foot is, and the other way"
+            )
+        feet = (self.left_foot, self.right_foot) if self.left_foot else ()
+        measured = measure(self.urdf, self.packages or package_folder(self.urdf), feet, self.torso)
+        values = robot_mapping(measured, self.name or self.out.stem, self.out.parent)
+        robot = robot_from_mapping(values, self.out)
+        told = list(findings(measured, robot))
+        self.out.write_text(robot_text(values, self.urdf.name), encoding="utf-8")
+        for finding in told:
+            print(f"note: {finding}", file=sys.stderr)
+        legs = " and ".join(measured.model.names[leg.joints[0]] for leg in measured.legs)
+        print(
+            f"{self.out}: {robot.mass:.1f} kg, CoM at {robot.com_height:g} m, legs from {legs}, torso {measured.torso}"
+        )
+        print(f"see it walk: ROBOT={self.out} make run; find where it can step: walk footholds {self.out}")
+
+
+def package_folder(urdf: Path) -> Path:
+    """The folder above a URDF in which its first `package://` address is found; the URDF's own if there is none."""
+    text = urdf.read_text(encoding="utf-8", errors="replace")
+    _, mark, rest = text.partition("package://")
+    first = rest.partition('"')[0]
+    found = (folder for folder in urdf.resolve().parents if (folder / first).is_file())
+    return next(found, urdf.parent) if mark else urdf.parent
+
+
+@dataclass(frozen=True, slots=True)
+class FootholdsCommand:
+    """Find the regions where a robot may put its feet, by trying thousands of steps."""
+
+    robot: tyro.conf.Positional[str]
+    """Robot with a body: a name (see `walk robots`), or the path of a robot file."""
+    out: Path = Path("footholds")
+    """Folder for footholds.yaml, footholds.csv and footholds.svg."""
+    samples: int = 3000
+    """Placements to try, before those along the edges of the polygons."""
+    seed: int = 0
+    """Seed of the samples: the same seed gives the same polygons."""
+    com_height: float | None = None
+    """Height of the CoM above the ground [m]; the robot's own if not given."""
+
+    def __call__(self) -> None:
+        """Try, write, and print the regions."""
+        from app.footholds.foothold_files import summary, write  # draws: a library that takes a second to load
+        from app.footholds.foothold_study import study
+
+        found = study(load_robot(self.robot), self.com_height, self.samples, self.seed, usable_cores())
+        write(found, self.out)
+        print(summary(found), end="")

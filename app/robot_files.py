@@ -1,0 +1,38 @@
+"""Text of a robot file, with the unit of each quantity beside it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+UNITS = {
+    "mass": "kg, of the URDF",
+    "com_height": "m, over the ground: lower it where the knees stretch",
+    "stance_width": "m, between the sole frames at rest",
+    "sole": "m, outline of the left sole in its own frame; the right one is its mirror image",
+    "foothold_regions": "m, of the left foot in the right foot's frame: a guess from the size, see walk footholds",
+    "max_foot_speed": "m/s, along x and y of the support foot's frame, for (30): a guess from the robot's size",
+    "max_foot_yaw_rate": "rad/s",
+    "max_com_distance": "m, horizontal, from the support foot: beyond, the leg is too short and the robot has fallen",
+    "max_reference": "m/s, rad/s: a guess from the robot's size",
+    "max_push": "N s",
+    "gait": "s, m",
+    "body": "frames and files; angles in rad",
+}
+
+
+def robot_text(values: Mapping[str, Any], urdf: str) -> str:
+    """YAML of a robot file.
+
+    Args:
+        values: of the file.
+        urdf: name of the URDF that they come from.
+    """
+    lines = [f"# Measured on {urdf} by walk import; what each number means stands in docs/robots.md."]
+    for key, value in values.items():
+        if key in UNITS:
+            lines.append(f"# {UNITS[key]}")
+        is_plain = not isinstance(value, dict | list)  # PyYAML would put a mapping of it into braces
+        style = False if is_plain else None
+        lines.append(yaml.safe_dump({key: value}, sort_keys=False, default_flow_style=style, width=150).rstrip())
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,216 @@
+"""Robots from files: what is refused, and what an imported URDF becomes."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from walkcore import Command, Reference, Simulation, load_robot
+from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore.motion.body_model import load_model
+from walkcore.mpc.stance import Side
+from walkcore.robot_file import ROBOTS, robot_from_mapping
+from walkcore.robot_import.findings import findings
+from walkcore.robot_import.legs import find_legs
+from walkcore.robot_import.measure import measure, robot_mapping
+
+G1 = load_robot("g1")
+FILE = Path(str(ROBOTS / "hrp2.yaml"))
+
+
+def hrp2(**changes):
+    return yaml.safe_load(FILE.read_text()) | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"mass": -1.0}, "robot.mass"),
+        ({"mass": "heavy"}, "robot.mass"),
+        ({"com_height": math.nan}, "robot.com_height"),
+        ({"name": "../hrp2"}, "robot.name"),
+        ({"sole": [[0.1, 0.0], [-0.1, 0.0], [0.0, 0.0]]}, "robot.sole"),
+        ({"sole": [[0.1, 0.0], [-0.1]]}, "robot.sole[1]"),
+        ({"foothold_regions": []}, "robot.foothold_regions"),
+        ({"foothold_regions": [{"yaw": [0.1, -0.1], "region": []}]}, "robot.foothold_regions[0].yaw"),
+        ({"max_reference": {"vx": [0.1, 0.3], "vy": [0, 0], "yaw_rate": [0, 0]}}, "robot.max_reference.vx"),
+        ({"max_reference": {"vx": [0.0, 0.3]}}, "robot.max_reference.vy"),
+        ({"gait": {"cop_margin": 9.0}}, "robot.gait.cop_margin"),
+        ({"gait": {"scheme": "full"}}, "robot.gait.scheme"),
+        ({"wheels": 2}, "robot.wheels"),
+        ({"body": {"urdf": "no.urdf", "left_sole": "l", "right_sole": "r", "torso": "t"}}, "robot.body.urdf"),
+        ({"body": {"urdf": "no.urdf"}}, "robot.body.left_sole"),
+        ({"body": {"package": "no-such-wheel", "urdf": "u", "left_sole": "l", "right_sole": "r", "torso": "t"}},
+         "robot.body.package"),
+    ],
+)  # fmt: skip
+def test_a_bad_field_is_refused_by_name(changes, field):
+    with pytest.raises(InvalidValueError) as refusal:
+        robot_from_mapping(hrp2(**changes), FILE)
+    assert refusal.value.field == field
+
+
+def test_a_field_that_is_missing_is_named():
+    values = hrp2()
+    del values["max_push"]
+    with pytest.raises(InvalidValueError, match=r"robot\.max_push"):
+        robot_from_mapping(values, FILE)
+
+
+@pytest.mark.parametrize("name", ["nobody", "no/such/file.yaml", "", "a\0b", "x" * 5000])
+def test_a_robot_that_is_not_there_is_an_unknown_name(name):
+    with pytest.raises(UnknownNameError):
+        load_robot(name)
+
+
+def test_a_robot_file_by_path_walks_like_the_one_that_ships(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(FILE.read_text())
+    robots = load_robot(path), load_robot("hrp2")
+    assert robots[0].source == str(path) and load_robot(robots[0].source).mass == 56.0
+    walks = [Simulation(robot) for robot in robots]
+    for _ in range(300):
+        mine, shipped = (walk.step(Command(Reference(vx=0.2))) for walk in walks)
+    assert np.array_equal(mine.com.matrix, shipped.com.matrix) and mine.com.velocity[0] > 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"torso": "no_link"}, "robot.body.torso"),
+        ({"left_sole": "no_link"}, "robot.body.left_sole"),
+        ({"posture_angles": {"no_joint": 0.1}}, "robot.body.posture_angles"),
+        ({"fixed_joints": ["no_joint"]}, "robot.body.fixed_joints"),
+    ],
+)
+def test_names_that_the_urdf_does_not_have_are_refused(change, field):
+    values = yaml.safe_load((ROBOTS / "g1.yaml").read_text())
+    robot = robot_from_mapping(values | {"body": values["body"] | change}, Path(str(ROBOTS / "g1.yaml")))
+    assert robot.body is not None
+    with pytest.raises(InvalidValueError) as refusal:
+        load_model(robot.body)
+    assert refusal.value.field == field
+
+
+def test_joints_that_are_held_fast_keep_their_angle_and_leave_the_configuration():
+    values = yaml.safe_load((ROBOTS / "g1.yaml").read_text())
+    fixed = {"fixed_joints": ["left_elbow_joint", "right_elbow_joint"]}
+    file = Path(str(ROBOTS / "g1.yaml"))
+    whole, less = (robot_from_mapping(values | {"body": values["body"] | more}, file) for more in ({}, fixed))
+    models = [load_model(robot.body) for robot in (whole, less)]
+    assert models[1].nq == models[0].nq - 2 and not models[1].existJointName("left_elbow_joint")
+    places = []
+    for model in models:
+        data = model.createData()
+        import pinocchio as pin  # noqa: PLC0415
+
+        pin.framesForwardKinematics(model, data, model.referenceConfigurations["posture"])
+        places.append(data.oMf[model.getFrameId("left_wrist_yaw_link")].translation.copy())
+    assert np.allclose(*places, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["g1", "alexander"])
+def test_every_robot_that_ships_keeps_its_promises_on_a_walk(name):
+    robot = load_robot(name)
+    walk = Simulation(robot)
+    assert abs(walk.body.mass - robot.mass) < 1e-3
+    fastest, turn = robot.max_reference["vx"][1], robot.max_reference["yaw_rate"][1]
+    for reference in (Reference(vx=fastest), Reference(vx=fastest / 2, yaw_rate=turn), Reference()):
+        for _ in range(500):
+            snapshot = walk.step(Command(reference))
+            assert snapshot.status == 0, snapshot.reason
+            com = np.array([*snapshot.com.position, snapshot.com_height])
+            assert max(walk.body.errors(snapshot.q, com, snapshot.feet)) < 1e-3
+    assert snapshot.com.position[0] > 0.5 * fastest
+
+
+def imported(tmp_path, urdf=G1.body.urdf, packages=G1.body.package_folder):
+    measured = measure(urdf, packages)
+    robot = robot_from_mapping(robot_mapping(measured, "mine", tmp_path), tmp_path / "mine.yaml")
+    return measured, robot
+
+
+def test_an_imported_robot_has_the_measures_of_the_one_that_ships_and_walks(tmp_path):
+    measured, robot = imported(tmp_path)
+    assert [leg.side for leg in measured.legs] == [Side.LEFT, Side.RIGHT]
+    assert abs(robot.mass - G1.mass) < 1e-3 and abs(robot.com_height - G1.com_height) < 0.03
+    assert measured.torso == "torso_link" and list(findings(measured, robot)) == []
+    walk = Simulation(robot)
+    for _ in range(500):
+        snapshot = walk.step(Command(Reference(vx=0.15)))
+        assert snapshot.status == 0, snapshot.reason
+    assert snapshot.com.position[0] > 0.1
+
+
+def changed_urdf(tmp_path, *changes):
+    text = G1.body.urdf.read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after, 1)
+    file = tmp_path / "changed.urdf"
+    file.write_text(text)
+    return file
+
+
+def test_findings_name_what_is_wrong_in_a_urdf(tmp_path):
+    lighter = ('<mass value="0.608"/>', '<mass value="0.408"/>')
+    weak = ('effort="35"', 'effort="0.5"')
+    told = " ".join(findings(*imported(tmp_path, changed_urdf(tmp_path, lighter, weak))))
+    assert "left_ankle_roll_joint and right_ankle_roll_joint weigh 0.408 and 0.608 kg" in told
+    assert "left_ankle_pitch_joint takes" in told and "of 0.5 N m to stand" in told
+
+
+def test_a_foot_that_is_a_point_is_refused(tmp_path):
+    points = [(f'<origin xyz="{x} {y} -0.03" rpy="0 0 0"/>', '<origin xyz="0 0 -0.03" rpy="0 0 0"/>')
+              for x, y in ((-0.05, 0.025), (-0.05, -0.025), (0.12, 0.03), (0.12, -0.03))]  # fmt: skip
+    with pytest.raises(InvalidValueError, match="left foot.*must be flat"):
+        imported(tmp_path, changed_urdf(tmp_path, *points))
+
+
+def robots_of_the_wheel() -> Path:
+    return G1.body.urdf.parents[2]
+
+
+def test_a_quadruped_is_refused_with_its_legs():
+    urdf = robots_of_the_wheel() / "hyq_description/robots/hyq_no_sensors.urdf"
+    with pytest.raises(InvalidValueError, match="4 legs.*must have two"):
+        measure(urdf, G1.body.package_folder)
+
+
+def test_a_robot_that_faces_backward_is_turned_around(tmp_path):
+    urdf = robots_of_the_wheel() / "icub_description/robots/icub.urdf"
+    measured, robot = imported(tmp_path, urdf)
+    assert all(measured.model.names[leg.foot].startswith(side) for leg, side in zip(measured.legs, "lr", strict=True))
+    walk = Simulation(robot)
+    for _ in range(400):
+        snapshot = walk.step(Command(Reference(vx=0.1)))
+        assert snapshot.status == 0, snapshot.reason
+    assert snapshot.com.position[0] > 0.03
+
+
+def test_the_legs_may_be_named():
+    model = load_model(G1.body)
+    left, right = find_legs(model, ("left_ankle_roll_link", "right_ankle_roll_link"))
+    assert (model.names[left.knee], model.names[right.knee]) == ("left_knee_joint", "right_knee_joint")
+    with pytest.raises(InvalidValueError, match="must be a link"):
+        find_legs(model, ("no_link", "right_ankle_roll_link"))
+
+
+def walk(*arguments):
+    return subprocess.run([str(Path(sys.executable).with_name("walk")), *map(str, arguments)],
+                          capture_output=True, text=True, check=False)  # fmt: skip
+
+
+def test_walk_import_writes_a_file_that_can_be_loaded(tmp_path):
+    out = tmp_path / "mine.yaml"
+    done = walk("import", G1.body.urdf, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert load_robot(out).name == "mine" and "33.3 kg" in done.stdout
+    (tmp_path / "broken.urdf").write_text("<robot>")
+    refused = walk("import", tmp_path / "broken.urdf", "--out", out)
+    assert refused.returncode == 2 and "\nwalk: urdf" in refused.stderr  # behind what the URDF parser says itself
+    assert "Traceback" not in refused.stderr

@@ -1,0 +1,98 @@
+# pyright: basic, reportMissingImports=false
+# (Pinocchio ships no types)
+"""What is wrong or unusual in a URDF, each in one line that says what to do."""
+
+from collections.abc import Iterator
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from walkcore.motion.swing_foot import standing
+from walkcore.motion.whole_body import BodyTarget, WholeBody
+from walkcore.mpc.stance import Side
+from walkcore.robot import Robot
+from walkcore.robot_import.measure import MeasuredRobot
+from walkcore.values import Matrix, Vector
+
+SAME = 0.02  # share by which the mirror images of two inertias or masses may differ
+NEAR = 1e-3  # [m] by which the mirror images of two places may differ
+ENOUGH = 0.8  # of a torque's limit that standing may take
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+
+def findings(measured: MeasuredRobot, robot: Robot) -> Iterator[str]:
+    """The findings, the most serious first.
+
+    Args:
+        measured: the URDF.
+        robot: the robot file made of it.
+    """
+    yield from _inertias(measured)
+    yield from _mirror_images(measured)
+    yield from _mimic_joints(measured)
+    yield from _torques(robot)
+    if measured.fixed_joints:
+        names = ", ".join(measured.fixed_joints[:4]) + (", ..." if len(measured.fixed_joints) > 4 else "")
+        yield f"held fast, as they have no torque or speed, or turn without end: {names}; see fixed_joints"
+
+
+def _inertias(measured: MeasuredRobot) -> Iterator[str]:
+    model = measured.model
+    moving = (joint for joint in range(1, model.njoints) if model.names[joint] not in measured.fixed_joints)
+    for joint in moving:
+        inertia, name = model.inertias[joint], model.names[joint]
+        moments = np.linalg.eigvalsh(inertia.inertia)
+        if inertia.mass <= 0.0:
+            yield f"{name} moves links without mass: give them one in the URDF, or torques and CoP are wrong"
+        elif moments[0] <= 0.0:
+            yield f"the inertia of the links that {name} moves is not positive (least moment {moments[0]:.2g} kg m^2)"
+        elif moments[2] > (moments[0] + moments[1]) * (1.0 + SAME):
+            yield f"the inertia of the links that {name} moves is no body's: a moment exceeds the sum of the other two"
+
+
+def _mirror_images(measured: MeasuredRobot) -> Iterator[str]:
+    """Left joints and links against the right ones, in the axes of the robot."""
+    model, data = measured.model, measured.model.createData()
+    pin.forwardKinematics(model, data, measured.q)
+    middle = np.mean([data.oMi[leg.foot].translation for leg in measured.legs], axis=0)
+    left, right = measured.legs
+    for a, b in zip(left.joints, right.joints, strict=False):
+        place_a, place_b = (data.oMi[joint].translation - middle for joint in (a, b))
+        names = f"{model.names[a]} and {model.names[b]}"
+        if np.max(np.abs(place_a - MIRROR @ place_b)) > NEAR:
+            yield f"{names} are not mirror images of each other, and the gait takes them for that: check their origins"
+        (mass_a, lever_a, inertia_a), (mass_b, lever_b, inertia_b) = (_in_world(model, data, joint) for joint in (a, b))
+        if abs(mass_a - mass_b) > SAME * max(mass_a, mass_b):
+            yield f"the links of {names} weigh {mass_a:.3g} and {mass_b:.3g} kg: check the URDF"
+        elif np.max(np.abs(inertia_a - MIRROR @ inertia_b @ MIRROR)) > SAME * np.max(np.abs(inertia_a)):
+            yield f"the inertias of the links of {names} are not mirror images: one may have been copied from the other"
+        elif np.max(np.abs(lever_a - MIRROR @ lever_b)) > NEAR:
+            yield f"the CoM of the links of {names} are not mirror images: check the URDF"
+
+
+def _in_world(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Vector, Matrix]:
+    """Mass [kg], CoM from the joint [m] and inertia [kg m^2] of the links of a joint, along the world's axes."""
+    R, inertia = data.oMi[joint].rotation, model.inertias[joint]
+    return inertia.mass, R @ inertia.lever, R @ inertia.inertia @ R.T
+
+
+def _mimic_joints(measured: MeasuredRobot) -> Iterator[str]:
+    mimics = [
+        joint.get("name", "") for joint in ElementTree.parse(measured.urdf).getroot().iter("joint")
+        if joint.find("mimic") is not None and joint.get("name", "") not in measured.fixed_joints
+    ]  # fmt: skip
+    if mimics:
+        yield f"joints that mimic others move on their own here: {', '.join(mimics[:4])}; add them to fixed_joints"
+
+
+def _torques(robot: Robot) -> Iterator[str]:
+    """Torques of the robot at rest on both feet, against their limits."""
+    assert robot.body is not None
+    body = WholeBody(robot.body)
+    feet = [standing(robot.foot_at_rest(side)) for side in Side]
+    q = body.at_rest(BodyTarget(np.array([0.0, 0.0, robot.com_height]), *feet, heading=0.0))
+    torques = np.abs(body.dynamics(q, q, q, robot.parameters.control_period, np.zeros(2), list(Side)).torques)
+    for name, torque, limit in zip(body.joint_names, torques, body.max_torques, strict=True):
+        if torque > ENOUGH * limit:
+            yield f"{name} takes {torque:.1f} of {limit:.1f} N m to stand: check the limit, or raise com_height"

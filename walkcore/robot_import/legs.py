@@ -1,0 +1,163 @@
+# pyright: basic, reportMissingImports=false
+# (Pinocchio ships no types)
+"""The legs of a biped, found from the tree of its joints, and the posture in which its knees are bent."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from walkcore.errors import InvalidValueError
+from walkcore.mpc.stance import Side
+from walkcore.values import Vector
+
+SAME_HEIGHT = 0.02  # [m] between the ends of two legs
+LEAST_APART = 0.03  # [m] between the feet
+NB_JOINTS = 6  # of a leg that can place its foot anywhere, with any orientation
+KNEE_BEND = 0.7  # [rad]
+PARALLEL = 0.98  # cosine of the angle between two axes that count as parallel
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The chain of joints from the pelvis to one foot."""
+
+    side: Side
+    joints: tuple[int, ...]
+    """Indices in Pinocchio's model, from the hip to the ankle."""
+
+    @property
+    def foot(self) -> int:
+        """Joint that moves the foot."""
+        return self.joints[-1]
+
+    @property
+    def knee(self) -> int:
+        """Joint that moves the shin: the ankle has two."""
+        return self.joints[-3]
+
+
+def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
+    """The left and the right leg.
+
+    Args:
+        model: with a floating base, at rest with its feet on the ground in its neutral configuration.
+        feet: links of the left and the right foot, if they are to be taken instead of the two lowest ends of the tree.
+
+    Raises:
+        InvalidValueError: if the tree has not two such legs.
+    """
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    ends = [_joint_of(model, name) for name in feet] if feet else _lowest_ends(model, data)
+    if len(ends) != 2:
+        names = ", ".join(model.names[end] for end in ends)
+        raise InvalidValueError("urdf", f"{len(ends)} legs ({names})", "must have two: only bipeds walk here")
+    left, right = ends if feet else sorted(ends, key=lambda end: _is_right(model, data, end))
+    legs = Leg(Side.LEFT, _chain(model, left)), Leg(Side.RIGHT, _chain(model, right))
+    for leg in legs:
+        if len(leg.joints) < NB_JOINTS:
+            joints = f"{len(leg.joints)} joints ({', '.join(model.names[joint] for joint in leg.joints)})"
+            raise InvalidValueError(f"{leg.side.name.lower()} leg", joints, f"must have at least {NB_JOINTS}")
+    return legs
+
+
+def _is_right(model: pin.Model, data: pin.Data, end: int) -> tuple[bool, float]:
+    """Orders the ends of the legs: by their names where these tell the side, else by y."""
+    name = model.names[end].lower()
+    is_right = "right" in name or name.startswith(("r_", "rleg")) or "_r_" in name
+    is_left = "left" in name or name.startswith(("l_", "lleg")) or "_l_" in name
+    return (is_right and not is_left, -float(data.oMi[end].translation[1]))
+
+
+def facing(model: pin.Model, legs: tuple[Leg, Leg]) -> float:
+    """Yaw of the direction in which the robot faces, with its left leg to the left, in its neutral configuration [rad].
+
+    Args:
+        model: of the robot.
+        legs: left and right.
+
+    Raises:
+        InvalidValueError: if the feet are not side by side.
+    """
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    left, right = (data.oMi[leg.foot].translation for leg in legs)
+    x, y, z = left - right
+    if np.hypot(x, y) < abs(z) or np.hypot(x, y) < LEAST_APART:
+        raise InvalidValueError("feet", [round(float(v), 3) for v in (x, y, z)], "must stand side by side [m]")
+    return float(np.round(np.arctan2(-x, y) / (np.pi / 2)) * np.pi / 2)
+
+
+def _joint_of(model: pin.Model, link: str) -> int:
+    if not model.existFrame(link):
+        raise InvalidValueError("foot", link, "must be a link of the URDF")
+    return model.frames[model.getFrameId(link)].parentJoint
+
+
+def _lowest_ends(model: pin.Model, data: pin.Data) -> list[int]:
+    ends = [joint for joint in range(2, model.njoints) if not len(model.children[joint])]
+    if not ends:
+        raise InvalidValueError("urdf", "no joint", "must have legs with joints that move")
+    lowest = min(data.oMi[end].translation[2] for end in ends)
+    return [end for end in ends if data.oMi[end].translation[2] < lowest + SAME_HEIGHT]
+
+
+def _chain(model: pin.Model, end: int) -> tuple[int, ...]:
+    """The joints that move this end and not the other: from the last branch of the tree on."""
+    root_and_universe = 2
+    return tuple(list(model.supports[end])[root_and_universe:])
+
+
+def bent_posture(model: pin.Model, legs: tuple[Leg, Leg]) -> Vector:
+    """The neutral configuration with bent knees, level feet, and the ankles below the hips, facing x, shape (nq,).
+
+    Args:
+        model: of the robot.
+        legs: left and right.
+
+    Raises:
+        InvalidValueError: if a leg has no hip and ankle joint parallel to its knee.
+    """
+    q = np.clip(pin.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
+    q[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -facing(model, legs)), np.zeros(3)))
+    for leg in legs:
+        q = _with_bent_leg(model, leg, q)
+    return q
+
+
+def _with_bent_leg(model: pin.Model, leg: Leg, straight: Vector) -> Vector:
+    q, data = straight.copy(), model.createData()
+    pin.forwardKinematics(model, data, q)
+    axes = {joint: _axis(model, data, joint) for joint in leg.joints}
+    across = axes[leg.knee]
+    hips = [joint for joint in leg.joints[:-3] if abs(axes[joint] @ across) > PARALLEL]
+    ankles = [joint for joint in leg.joints[-2:] if abs(axes[joint] @ across) > PARALLEL]
+    if not hips or not ankles:
+        limit = "must be a knee, with a parallel joint in the hip and one in the ankle"
+        raise InvalidValueError(f"{leg.side.name.lower()} leg", model.names[leg.knee], limit)
+    hip, ankle = hips[-1], ankles[0]
+    knee, *others = (model.joints[joint].idx_q for joint in (leg.knee, hip, ankle))
+    low, high = model.lowerPositionLimit[knee], model.upperPositionLimit[knee]
+    q[knee] = np.clip(KNEE_BEND if high > -low else -KNEE_BEND, low, high)
+    level = np.array(data.oMi[leg.foot].rotation)
+
+    def error(angles: Vector) -> Vector:
+        """Distance of the ankle before the hip [m], and tilt of the foot [rad]."""
+        q[others] = angles
+        pin.forwardKinematics(model, data, q)
+        ahead = data.oMi[leg.foot].translation[0] - data.oMi[hip].translation[0]
+        return np.array([ahead, pin.log3(data.oMi[leg.foot].rotation @ level.T) @ across])
+
+    error(least_squares(error, np.full(2, -q[knee] / 2)).x)
+    return q
+
+
+def _axis(model: pin.Model, data: pin.Data, joint: int) -> Vector:
+    """Axis of a hinge in the world, shape (3,)."""
+    kind = model.joints[joint]
+    own = kind.createData()
+    kind.calc(own, pin.neutral(model))
+    return data.oMi[joint].rotation @ np.ravel(own.S)[3:]

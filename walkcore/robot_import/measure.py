@@ -1,0 +1,213 @@
+# pyright: basic, reportMissingImports=false
+# (Pinocchio ships no types)
+"""The quantities of a robot file, measured on a URDF; what cannot be measured follows from its size.
+
+Speeds go with the square root of the CoM's height (Froude number), lengths with the height, impulses with mass times
+speed, all from the values of Talos, whose regions and limits were found by simulation.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from walkcore.errors import InvalidValueError
+from walkcore.robot_file import load_robot
+from walkcore.robot_import.legs import Leg, bent_posture, find_legs
+from walkcore.robot_import.soles import Sole, common_outline, foot_geometry, sole_of
+from walkcore.values import Matrix, Vector
+
+LOWERED = 0.965  # of the CoM's height in the posture: on the longest step the knees are still bent
+INNER, OUTER, AHEAD, CORNER = 0.95, 0.46, 0.36, 0.22
+"""Foothold region before a study: least y per stance width; y, x and x of its outer corners per CoM height."""
+MARGIN = 0.25  # of the width of a sole
+MOST_MARGIN = 0.03  # [m]
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredRobot:
+    """A URDF whose legs, soles and posture are known."""
+
+    urdf: Path
+    packages: Path
+    model: pin.Model
+    """With every joint of the URDF, and a floating base."""
+    legs: tuple[Leg, Leg]
+    q: Vector
+    """Posture with bent knees, facing x, shape (nq,)."""
+    soles: tuple[Sole, Sole]
+    outline: Matrix
+    """Corners of the left sole about the origin of the foot's joint, along x and y of the world, shape (V, 2) [m]."""
+    torso: str
+    """Link that is held upright."""
+    fixed_joints: tuple[str, ...]
+    """Joints without torque or speed, such as those of fingers."""
+
+    @property
+    def mass(self) -> float:
+        """Mass of all links [kg]."""
+        return float(pin.computeTotalMass(self.model))
+
+    @property
+    def com_over_foot(self) -> Vector:
+        """From the middle between the feet's joints to the CoM, in the posture [m], shape (3,)."""
+        data = self.model.createData()
+        com = pin.centerOfMass(self.model, data, self.q)
+        return np.array(com - np.mean([data.oMi[leg.foot].translation for leg in self.legs], axis=0))
+
+    @property
+    def feet_apart(self) -> float:
+        """Distance between the feet's joints in the posture, sideways [m]."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, self.q)
+        left, right = (data.oMi[leg.foot].translation for leg in self.legs)
+        return float(left[1] - right[1])
+
+
+def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "") -> MeasuredRobot:
+    """Find the legs, soles and posture of a biped.
+
+    Args:
+        urdf: file.
+        packages: folder in which its `package://` addresses start.
+        feet: links of the left and the right foot; by default the two lowest ends of the tree.
+        torso: link to be held upright; by default the heaviest that no leg moves.
+
+    Raises:
+        InvalidValueError: if it is no biped that could walk, with what is missing.
+    """
+    try:
+        model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError) as error:
+        raise InvalidValueError("urdf", str(urdf), f"cannot be read: {' '.join(str(error).split())}") from error
+    legs = find_legs(model, feet)
+    q = bent_posture(model, legs)
+    shapes = foot_geometry(model, urdf, packages, legs)
+    left, right = (sole_of(model, shapes, leg, q) for leg in legs)
+    if torso and not model.existFrame(torso):
+        raise InvalidValueError("torso", torso, "must be a link of the URDF")
+    return MeasuredRobot(
+        urdf=urdf,
+        packages=packages,
+        model=model,
+        legs=legs,
+        q=q,
+        soles=(left, right),
+        outline=common_outline(left, right),
+        torso=torso or _torso(model, legs),
+        fixed_joints=_useless_joints(model, legs),
+    )
+
+
+def _torso(model: pin.Model, legs: tuple[Leg, Leg]) -> str:
+    """The link with the most mass that no leg moves."""
+    of_legs = {joint for leg in legs for joint in leg.joints}
+    joints = [joint for joint in range(1, model.njoints) if joint not in of_legs]
+    heaviest = max(joints, key=lambda joint: model.inertias[joint].mass)
+    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == heaviest]
+    return links[0]
+
+
+def _useless_joints(model: pin.Model, legs: tuple[Leg, Leg]) -> tuple[str, ...]:
+    """Joints outside of the legs that have no torque or no speed, or more than one number."""
+    of_legs = {joint for leg in legs for joint in leg.joints}
+    names: list[str] = []
+    for joint in range(2, model.njoints):
+        kind = model.joints[joint]
+        first = kind.idx_v
+        cannot = kind.nv != 1 or kind.nq != 1 or model.effortLimit[first] == 0.0 or model.velocityLimit[first] == 0.0
+        if cannot and joint not in of_legs:
+            names.append(model.names[joint])
+    return tuple(names)
+
+
+def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, Any]:
+    """The plain values of a robot file.
+
+    Args:
+        robot: that was measured.
+        name: of the robot.
+        folder: of the file: paths in it start there.
+    """
+    talos = load_robot("talos")
+    x, _, above = robot.com_over_foot
+    height = LOWERED * float(above - robot.soles[0].height)
+    size = height / talos.com_height
+    speed, width = math.sqrt(size), round(robot.feet_apart, 3)
+    ahead = float(np.clip(x, *np.sort(robot.outline[:, 0])[[0, -1]] * 0.5))
+    outline = np.round(robot.outline - [ahead, 0.0], DIGITS)
+    margin = min(MOST_MARGIN, MARGIN * float(np.ptp(outline, axis=0).min()))
+    region = [[-AHEAD, INNER], [-CORNER, OUTER], [CORNER, OUTER], [AHEAD, INNER]]
+    vertices = [[px * height, py * (width if py == INNER else height)] for px, py in region]
+    duration = round(talos.parameters.step_duration * speed, 1)
+    return {
+        "name": name,
+        "mass": round(robot.mass, 6),
+        "com_height": round(height, 3),
+        "stance_width": width,
+        "sole": outline.tolist(),
+        "foothold_regions": [{"yaw": [-0.09, 0.45], "region": _rounded(vertices)}],
+        "max_foot_speed": _rounded(talos.max_foot_speed * speed, 2),
+        "max_foot_yaw_rate": talos.max_foot_yaw_rate,
+        "max_com_distance": round(talos.max_com_distance * size, 3),
+        "max_reference": {
+            key: _rounded(np.array(limits) * (speed if key != "yaw_rate" else 1.0), 2)
+            for key, limits in talos.max_reference.items()
+        },
+        "max_push": round(talos.max_push * speed * robot.mass / talos.mass, 1),
+        "gait": {
+            "step_duration": duration,
+            "initial_double_support_duration": duration,
+            "cop_margin": round(margin, 3),
+            "swing_height": round(talos.parameters.swing_height * size, 3),
+        },
+        "body": _body_mapping(robot, ahead, folder),
+    }
+
+
+def _body_mapping(robot: MeasuredRobot, ahead: float, folder: Path) -> dict[str, Any]:
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, robot.q)
+    base = data.oMf[model.getFrameId(robot.torso)].rotation
+    body: dict[str, Any] = {
+        "urdf": _relative(robot.urdf, folder),
+        "package_folder": _relative(robot.packages, folder),
+        "posture_angles": {
+            model.names[joint]: round(float(robot.q[model.joints[joint].idx_q]), DIGITS)
+            for joint in range(2, model.njoints)
+            if model.joints[joint].nq == 1 and abs(robot.q[model.joints[joint].idx_q]) > 1e-6
+        },
+    }
+    for leg, sole in zip(robot.legs, robot.soles, strict=True):
+        position = sole.rotation @ [ahead, 0.0, sole.height]
+        frame = {"link": _link_of(model, leg.foot), "position": _rounded(position)}
+        body[f"{leg.side.name.lower()}_sole"] = frame | _turned(sole.rotation)
+    turned = _turned(base.T)
+    body["torso"] = {"link": robot.torso} | turned if turned else robot.torso
+    return body | ({"fixed_joints": list(robot.fixed_joints)} if robot.fixed_joints else {})
+
+
+def _link_of(model: pin.Model, joint: int) -> str:
+    """The link whose frame is that of a joint."""
+    frames = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == joint)
+    return next(f.name for f in frames if f.placement.isIdentity())
+
+
+def _turned(rotation: Matrix) -> dict[str, Any]:
+    rpy = _rounded(pin.rpy.matrixToRpy(rotation))
+    return {"rpy": rpy} if any(rpy) else {}
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """A path as seen from a folder, where it lies inside of it; else the whole path."""
+    path, folder = path.resolve(), folder.resolve()
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
+
+
+def _rounded(values: Any, digits: int = DIGITS) -> Any:
+    return (np.round(np.asarray(values, dtype=float), digits) + 0.0).tolist()
