@@ -115,7 +115,7 @@ class Simulation:
         """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
         p = self.parameters
         is_adaptive = p.step_timing == "adaptive" and p.formulation.footholds is Footholds.FREE
-        return AdaptiveTiming(self.robot, p, self._generator) if is_adaptive else None
+        return AdaptiveTiming(self.robot, p, self._generator, self._stages) if is_adaptive else None
 
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
@@ -319,13 +319,15 @@ class Simulation:
     ) -> Plan | None:
         """Take the gait of adaptive step timing."""
         last, swing = self._last_plan, self._feet[self._gait.support_side(self._tick).other]
+        is_pushed = self._last_push is not None and self._last_push.tick == self._tick
         try:
             gait, plan = step_timing.decide(
                 candidates,
                 self._tick,
                 swing.height,
                 lambda gait: self._problem(gait, reference),
-                unlimited if last is None else time_left,
+                is_disturbed=is_pushed or (last is not None and last.status is Status.RELAXED),
+                time_left=unlimited if last is None else time_left,
             )
         except OutOfTimeError:
             assert last is not None
