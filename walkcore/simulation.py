@@ -375,7 +375,7 @@ class Simulation:
         if not plans:
             self._fall_down(f"no step can catch the robot: {reasons[0]}")
             return None
-        gait, plan = max(plans, key=lambda choice: (choice[1].status is Status.SOLVED, choice[1].is_capturable))
+        gait, plan = max(plans, key=lambda choice: _promise(choice[1]))
         self._gait = gait
         return plan
 
@@ -534,6 +534,11 @@ class Simulation:
         }
         now = [name for name, is_reached in reached.items() if is_reached]
         return driver.signs.seen(now, self._tick, self.parameters.control_period)
+
+
+def _promise(plan: Plan) -> tuple[bool, bool, bool]:
+    """Rank of a plan: the greatest keeps all margins, then come those that can catch the robot, then those that try."""
+    return plan.status is Status.SOLVED, plan.is_capturable, plan.is_capturable or bool(plan.footholds)
 
 
 def _first_support(reference: Reference) -> Side:
