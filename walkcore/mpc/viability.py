@@ -24,10 +24,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from walkcore.cache import instance_cache
-from walkcore.mpc.capture import StepTiming, strides, viable_vertices
-from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices, polygon
+from walkcore.mpc.capture import StepTiming, strides, viable_after_double_support
+from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices
 from walkcore.mpc.stance import Footstep, Side, convex_hull, mirrored
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
@@ -104,32 +105,23 @@ class ViableSets:
         timings = [StepTiming(double_support, duration - double_support, omega) for duration in durations]
         middle = np.mean(robot.foothold_region, axis=0)
         sets = [
-            viable_vertices(
+            viable_after_double_support(
                 robot.sole,
                 allowance.margin,
                 strides(middle + allowance.part * (robot.foothold_region - middle), robot.max_foot_speed, timing),
                 timing,
-                double_support,
             )
             for allowance in allowances
             for timing in timings
         ]
-        self._after_double_support = {side: [by_side[side][-1] for by_side in sets] for side in Side}
+        self._after_double_support = {side: [by_side[side] for by_side in sets] for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._regions = {
             side: [convex_hull(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
             for side in Side
         }
-        self._normals = {side: self._normals_of_edges(side) for side in Side}
+        self._normals = {side: _normals_of_edges(robot, side.other) for side in Side}
         self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
-
-    def _normals_of_edges(self, support: Side) -> Matrix:
-        """Normals of the edges of all parts in the frame of a support foot, shape (n, 2)."""
-        soles = [sole for side in Side for sole in self._soles[side]]
-        parts = [*soles, *self._after_double_support[support.other], *self._regions[support.other]]
-        normals = np.vstack([np.eye(2), -np.eye(2), *(_outward_normals(part) for part in parts)])
-        _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
-        return frozen_copy(normals[np.sort(first)])
 
     def _compute_fixed_parts(self, support: Side, turn: float) -> tuple[Parts, Parts, Parts]:
         """Support functions of S, S' and V', shapes (n, A, 1), (n, A, 1) and (n, A, D).
@@ -177,10 +169,21 @@ def _share_of_present_cop(x: Vector) -> Vector:
     return np.where(x > 0.0, 1.0 + np.expm1(-x) / np.maximum(x, TINY), 0.0)
 
 
-def _outward_normals(vertices: Matrix) -> Matrix:
-    """Normals of all edges of a convex polygon, shape (E, 2)."""
-    planes = polygon(vertices)
-    return np.vstack([planes.normals, -planes.normals[np.isfinite(planes.lower)]])
+@lru_cache(maxsize=16)
+def _normals_of_edges(robot: Robot, landing: Side) -> Matrix:
+    """Normals of the edges of all parts in the frame of the support foot, shape (n, 2).
+
+    A part that is a sum, inset or cut has no others than its own parts and the cuts along x.
+
+    Args:
+        robot: whose soles and foothold regions they are.
+        landing: side of the next foothold.
+    """
+    both = [f(part) for part in (robot.sole, robot.foothold_region) for f in (np.asarray, mirrored)]
+    parts = [*both, *(foothold_vertices(region.vertices, landing) for region in robot.foothold_regions)]
+    normals = np.vstack([np.eye(2), -np.eye(2), *(ConvexHull(part).equations[:, :2] for part in parts)])
+    _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
+    return frozen_copy(normals[np.sort(first)])
 
 
 def support_function(vertices: Matrix, normals: Matrix) -> Vector:
