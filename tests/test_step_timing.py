@@ -1,7 +1,9 @@
 """Laws of adaptive step timing: without a push it changes nothing, with one it survives more than fixed steps do."""
 
+import importlib
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -263,3 +265,29 @@ def test_a_shipped_walk_without_pushes_is_the_same_to_the_byte(name):
         return b"".join(np.asarray(recording[column]).tobytes() for column in recording.columns)
 
     assert walked("adaptive") == walked("fixed")
+
+
+TRIAL = {  # worst, median and mean [N s]
+    "talos in place": (22, 50, 51.8),
+    "talos 0.3 m/s": (22, 46, 51.3),
+    "talos standing": (34, 46, 43.2),
+    "hrp2 in place": (16, 32, 33.1),
+    "hrp2 0.3 m/s": (16, 30, 32.1),
+}
+
+
+@pytest.mark.exhaustive
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("name", TRIAL)
+def test_pushes_are_survived_as_in_the_trial_and_to_85_percent_of_the_bound(name, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "benchmarks"))
+    survival = importlib.import_module("push_survival")
+    nb_phases = 1 if "standing" in name else 8 if "in place" in name else 4
+    cells = [
+        survival.Cell(name, "adaptive", k * math.pi / 4, phase / nb_phases, 0.005, "piqp")
+        for phase in range(nb_phases)
+        for k in range(8)
+    ]
+    found, bounds = (np.array(list(map(f, cells))) for f in (survival.largest_survived, survival.bound))
+    assert np.all((found.min(), np.median(found), found.mean()) >= np.array(TRIAL[name]))
+    assert np.median(found) >= 0.85 * np.median(bounds)
