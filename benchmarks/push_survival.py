@@ -2,6 +2,7 @@
 
     python benchmarks/push_survival.py                    # all rows: 8 directions, 8 phases in place and 4 walking
     python benchmarks/push_survival.py "talos in place" --timing adaptive --phases 4
+    python benchmarks/push_survival.py --timing adaptive --bound    # beside what any controller could survive
 
 Survival is not monotonic in the impulse, so each direction is scanned in coarse steps up to the first fall, and
 the interval before it is bisected. A push is survived if the robot is on its feet 8 s later, or has walked by the
@@ -18,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.analysis.push_bound import StepClass, largest_impulse
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.state import SimulationState
@@ -60,6 +62,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--period", type=float, default=0.005, help="duration of a tick [s]")
     parser.add_argument("--solver", default="piqp")
+    parser.add_argument("--bound", action="store_true", help="print what any controller could survive, too")
     parser.add_argument("--cells", action="store_true", help="print each cell")
     options = parser.parse_args()
     with ProcessPoolExecutor(options.workers) as pool:
@@ -70,6 +73,9 @@ def main() -> None:
                 print(f"{row:16} {timing:9} {_summary(found)}", flush=True)
                 if options.cells:
                     print(found.reshape(-1, options.directions).astype(int), flush=True)
+            if options.bound:
+                found = np.array(list(pool.map(bound, _cells(row, "fixed", options))))
+                print(f"{row:16} bound     {_summary(found)}", flush=True)
 
 
 def _cells(row: str, timing: str, options: argparse.Namespace) -> Iterator[Cell]:
@@ -101,6 +107,16 @@ def largest_survived(cell: Cell) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if survives(middle) else (low, middle)
     return low
+
+
+def bound(cell: Cell) -> float:
+    """The largest impulse that any controller of the class could survive [N s]."""
+    simulation, reference, state = _before_push(cell.row, "fixed", cell.phase, cell.period, cell.solver)
+    direction = np.array([math.cos(cell.direction), math.sin(cell.direction)])
+    simulation.restore(state)
+    before = simulation.preview(Command(reference))
+    T = simulation.parameters.double_support_duration
+    return largest_impulse(before, simulation.robot, T, direction, StepClass())
 
 
 def _survives(simulation: Simulation, reference: Reference, impulse: np.ndarray) -> bool:

@@ -65,6 +65,8 @@ export class PushDial {
   }
 }
 
+const WORDS = ["", "one", "two", "three", "four", "five", "six"];
+
 /** Outcome of the last push, above the dial. */
 export class PushReport {
   constructor() {
@@ -86,12 +88,24 @@ export class PushReport {
   }
 }
 
-function outcome({ impulse, survived, steps }) {
+function outcome({ impulse, survived, steps, shortened }) {
   const strength = `${Math.hypot(...impulse).toFixed(0)} N·s`;
   if (survived === null) return `${strength}: catching itself …`;
   if (!survived) return `fell to ${strength}`;
   if (!steps) return `${strength}: caught without a step`;
-  return `${strength}: caught in ${steps} ${steps === 1 ? "step" : "steps"}`;
+  return `${strength}: caught in ${count(steps, "step")}${hurried(shortened ?? [])}`;
+}
+
+/** The steps that were shortened, in words: ", two shortened to 0.5 s". */
+function hurried(durations) {
+  if (!durations.length) return "";
+  const [shortest, longest] = [Math.min(...durations), Math.max(...durations)].map((s) => `${Number(s.toFixed(2))}`);
+  const to = shortest === longest ? shortest : `${shortest} to ${longest}`;
+  return `, ${WORDS[durations.length] ?? durations.length} shortened to ${to} s`;
+}
+
+function count(n, noun) {
+  return `${n} ${noun}${n === 1 ? "" : "s"}`;
 }
 
 /** Random pushes as a mode: switched here, given by the server, shown on every browser. */

@@ -452,6 +452,7 @@ def test_the_outcome_of_the_last_push_is_reported(api):
         "survived": True,
         "steps": 0,
         "time": pytest.approx(0.005),
+        "shortened": [],
     }
     api.post("live/push", json={"impulse": [0.0, 60.0]})
     api.post("live/step", json={"ticks": 800})

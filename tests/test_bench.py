@@ -75,3 +75,9 @@ def test_the_mapping_holds_the_same(result):
     assert mapping["stages"]["solve"]["median"] == result.stages["solve"].median
     assert mapping["around_solver"]["median"] == result.around_solver.median
     assert [speed["real_time_factor"] > 0.0 for speed in mapping["speeds"]] == [True] * 4
+
+
+def test_recoveries_are_ticks_of_their_own_whose_planning_is_a_share(result):
+    assert 0.0 < result.recovering_planning.median < result.recovering_tick.median
+    assert result.recovering_planning.median > result.assemble_and_solve.median
+    assert "recovering" in table(result)

@@ -4,11 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from walkcore import Command, Push, Reference, Simulation, load_robot
-from walkcore.analysis.push_recovery import BalanceState, PushRecoveryMonitor, balance_state
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, record
+from walkcore.analysis.push_recovery import BalanceState, PushRecoveryMonitor, balance_state, push_recoveries
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Footstep, Side
+from walkcore.scenario.scenario import scenario_from_mapping
 
 STEP = 0.8  # [s]
 NOTHING = np.zeros(2)
@@ -122,3 +123,30 @@ def test_another_push_leaves_the_first_one_open():
             seen[monitor.last.t] = monitor.last
     first, second = seen.values()
     assert first.survived is None and second.survived is True
+
+
+def test_the_steps_that_were_shortened_are_named():
+    durations = [0.8, 0.8, 0.6, 0.4, 0.8, 0.8, 0.8]
+    moments = [
+        replace(
+            moment, step_duration=durations[k // 3] if k > 6 else 0.8, next_step_duration=0.4 if 6 < k < 12 else 0.8
+        )
+        for k, moment in enumerate(steps([0, 0, 0, 0.1, 0.1, 0, 0], push_at=2 * STEP + 0.3))
+    ]
+    last = followed(moments)
+    assert (last.survived, last.shortened) == (True, (0.6, 0.4))
+    again = [replace(moment, push=np.array([0.0, 5.0]) if k == 10 else moment.push) for k, moment in enumerate(moments)]
+    assert followed(again).shortened == (0.4,)  # of the usual time before the first push, and since the second one
+
+
+def test_the_shortened_steps_of_a_recorded_push_are_those_of_the_live_one():
+    events = [{"t": 1.0, "push": {"impulse": [20.0, 0.0]}}]
+    parameters = {"step_timing": "adaptive", "control_period": 0.02}
+    story = {"name": "push", "robot": "hrp2", "duration": 7.0, "parameters": parameters, "events": events}
+    monitor, simulation = PushRecoveryMonitor(), Simulation(load_robot("hrp2"), Parameters.from_mapping(parameters))
+    for k in range(350):
+        push = Push([20.0, 0.0]) if k == 50 else None
+        monitor.update(balance_state(simulation.step(Command(push=push)), 56.0))
+    assert monitor.last.survived and monitor.last.shortened
+    recorded = push_recoveries(record(scenario_from_mapping(story)))
+    assert [push.shortened for push in recorded] == [monitor.last.shortened]

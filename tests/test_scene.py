@@ -1,5 +1,6 @@
 """Truth of the scene: every node stands for something in the snapshot."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from app.viewer.panel.panel import ViewTab
 from app.viewer.scene.footprints import sole_outline
 from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim, Canvas, Frame
 from app.viewer.scene.layers import LAYERS, Layer
-from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away
+from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away, effect_of_push
 from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -283,3 +284,57 @@ def test_quantised_part_is_the_part():
     vertices, faces, step = part.quantised()
     assert vertices.dtype == np.int16 and faces.dtype == np.uint16
     assert vertices * step == pytest.approx(part.vertices, abs=2e-5)
+
+
+@pytest.fixture(scope="module")
+def hurried():
+    """Snapshots of a robot that stands and catches a push by shortened steps, and its parameters."""
+    parameters = Parameters(step_timing="adaptive", control_period=0.02)
+    simulation = Simulation(load_robot("hrp2"), parameters)
+    simulation.step()
+    return [simulation.step(Command(push=Push([20.0, 0.0]))), *(simulation.step() for _ in range(300))], parameters
+
+
+def test_a_ring_around_the_foothold_shrinks_until_the_touchdown(scene, hurried):
+    snapshots, parameters = hurried
+    radii, ring = {True: [], False: []}, f"{WORLD}/plan/ring"
+    for snapshot in snapshots:
+        for _ in range(3):  # lines are sent in one frame of three
+            scene.draw(snapshot, parameters, FRAME_TIME)
+        visible = latest(scene.updates, "visible")
+        assert visible[ring] is (snapshot.phase is Phase.SINGLE_SUPPORT)
+        if visible[ring]:
+            is_shortened = snapshot.step_duration < 0.79
+            name = f"{ring}/shortened" if is_shortened else f"{ring}/usual"
+            assert visible[name] and not visible[f"{ring}/usual" if is_shortened else f"{ring}/shortened"]
+            radius = np.hypot(*latest(scene.updates, "points")[name][0, 0, :2])
+            radii[is_shortened].append((snapshot.time_to_touchdown, radius))
+            at = latest(scene.updates, "position")[ring][:2]
+            assert at == pytest.approx(snapshot.plan.footholds[0].position, abs=1e-3)
+    for found in radii.values():
+        times, sizes = np.array(sorted(found)).T
+        assert len(times) > 5 and np.all(np.diff(sizes)[np.diff(times) > 1e-6] > 0.0)
+
+
+def test_the_prints_of_shortened_steps_are_outlined_and_no_others(scene, hurried):
+    snapshots, parameters = hurried
+    landings = [
+        (after.feet[before.support.side.other].position, before.step_duration < 0.79)
+        for before, after in zip(snapshots, snapshots[1:], strict=False)
+        if before.phase is Phase.SINGLE_SUPPORT and after.phase is not Phase.SINGLE_SUPPORT
+    ]
+    for snapshot in snapshots:
+        scene.draw(snapshot, parameters, FRAME_TIME)
+    visible, at = latest(scene.updates, "visible"), latest(scene.updates, "position")
+    marks = [name for name in visible if name.endswith("/shortened") and "/footprints/" in name]
+    marked = [at[name.removesuffix("/shortened")][:2] for name in marks if visible[name]]
+    assert 0 < len(marked) == sum(is_shortened for _, is_shortened in landings) < len(landings)
+    for position, is_shortened in landings:
+        assert is_shortened is any(np.allclose(position, place, atol=1e-3) for place in marked)
+
+
+def test_the_preview_of_a_push_foretells_shortened_steps(hurried):
+    snapshots, parameters = hurried
+    robot = load_robot("hrp2")
+    assert effect_of_push(robot, snapshots[0], parameters).startswith("shortens steps to 0.")
+    assert effect_of_push(robot, snapshots[0], replace(parameters, step_duration=0.4)) == "gives up margin"

@@ -1,17 +1,30 @@
 """Laws of adaptive step timing: without a push it changes nothing, with one it survives more than fixed steps do."""
 
+import importlib
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from oracle import Oracle
 
-from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, record
+from walkcore import (
+    Command,
+    Parameters,
+    Push,
+    Reference,
+    Simulation,
+    load_robot,
+    load_scenario,
+    record,
+    scenario_names,
+)
 from walkcore.analysis.push_bound import StepClass, largest_impulse
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
+from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.parameters import InvalidValueError
 from walkcore.scenario.recording import row
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -183,3 +196,98 @@ def test_the_qp_of_every_solved_tick_can_be_rebuilt_from_the_recording(tmp_path)
 def test_an_unknown_step_timing_is_refused():
     with pytest.raises(InvalidValueError, match="step_timing"):
         Parameters(step_timing="sometimes")
+
+
+def standing():
+    """A robot that has stood for a while, and its state."""
+    simulation = Simulation(TALOS, Parameters(step_timing="adaptive", **FAST))
+    for _ in range(20):
+        simulation.step()
+    return simulation, simulation.state
+
+
+@pytest.mark.parametrize(("direction", "impulse"), [(0, 52.0), (1, 50.0), (2, 36.0), (3, 50.0), (4, 52.0)])
+def test_a_robot_that_stands_steps_at_once_where_a_step_at_the_next_sample_is_too_late(direction, impulse):
+    simulation, _ = standing()
+    snapshots = pushed(simulation, [impulse * x for x in DIRECTIONS[direction]], 3.0)
+    assert snapshots[-1].status is not Status.FALLEN
+    assert snapshots[0].phase is Phase.DOUBLE_SUPPORT
+
+
+def test_the_cop_of_a_robot_that_stands_goes_to_a_foot_no_faster_than_over_a_double_support():
+    simulation, state = standing()
+    for direction in DIRECTIONS:
+        simulation.restore(state)
+        first, *snapshots = pushed(simulation, [36.0 * x for x in direction], 0.4)
+        across = first.left_foot.position - first.right_foot.position
+        distance = abs(np.dot(first.cop - first.support.position, across)) / np.dot(across, across)
+        lift_off = next(s.t for s in snapshots if s.phase is Phase.SINGLE_SUPPORT)
+        assert lift_off - first.t >= 0.1 * distance - 1e-9
+
+
+def test_no_decision_depends_on_what_is_seen_first(monkeypatch):
+    decide, skipped = AdaptiveTiming.decide, []
+
+    def in_the_order_of_the_paper(*arguments, is_disturbed, **rest):
+        skipped.append(is_disturbed)
+        return decide(*arguments, is_disturbed=False, **rest)
+
+    def decided():
+        rng, rows = np.random.default_rng(7), []
+        simulation = in_place("adaptive")
+        state = simulation.state
+        for k in range(6):
+            simulation.restore(state)
+            for _ in range(rng.integers(0, 40)):
+                simulation.step()
+            impulse = [rng.uniform(15, 60) * x for x in DIRECTIONS[k % 8]]
+            rows += [list(row(snapshot).values()) for snapshot in pushed(simulation, impulse, 0.6)]
+        return np.array(rows, dtype=float)
+
+    with_the_hint = decided()
+    monkeypatch.setattr(AdaptiveTiming, "decide", in_the_order_of_the_paper)
+    assert decided().tobytes() == with_the_hint.tobytes()
+    assert sum(skipped) > 10
+
+
+SHIPPED_WITHOUT_PUSHES = [
+    name for name in scenario_names() if not any(event.push is not None for event in load_scenario(name).events)
+]
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", SHIPPED_WITHOUT_PUSHES)
+def test_a_shipped_walk_without_pushes_is_the_same_to_the_byte(name):
+    scenario = load_scenario(name).without_body()
+
+    def walked(step_timing):
+        recording = record(replace(scenario, parameters=replace(scenario.parameters, step_timing=step_timing)))
+        return b"".join(np.asarray(recording[column]).tobytes() for column in recording.columns)
+
+    assert walked("adaptive") == walked("fixed")
+
+
+TRIAL = {  # worst, median and mean [N s]
+    "talos in place": (22, 50, 51.8),
+    "talos 0.3 m/s": (22, 46, 51.3),
+    "talos standing": (34, 46, 43.2),
+    "hrp2 in place": (16, 32, 33.1),
+    "hrp2 0.3 m/s": (16, 30, 32.1),
+}
+
+
+@pytest.mark.exhaustive
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("name", TRIAL)
+def test_pushes_are_survived_as_in_the_trial_and_to_85_percent_of_the_bound(name, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "benchmarks"))
+    survival = importlib.import_module("push_survival")
+    nb_phases = 1 if "standing" in name else 8 if "in place" in name else 4
+    cells = [
+        survival.Cell(name, "adaptive", k * math.pi / 4, phase / nb_phases, 0.005, "piqp")
+        for phase in range(nb_phases)
+        for k in range(8)
+    ]
+    found, bounds = (np.array(list(map(f, cells))) for f in (survival.largest_survived, survival.bound))
+    assert np.all((found.min(), np.median(found), found.mean()) >= np.array(TRIAL[name]))
+    assert np.median(found) >= 0.85 * np.median(bounds)

@@ -15,7 +15,7 @@ from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import foothold_vertices, inset_vertices
 from walkcore.mpc.stance import Footstep, Side, mirrored
-from walkcore.mpc.viability import Landings, ViableSets, support_of_reachable
+from walkcore.mpc.viability import Allowance, Landings, ViableSets, support_of_reachable
 
 TALOS = replace(load_robot("talos"), body=None)
 OMEGA = Pendulum(TALOS.com_height).omega
@@ -67,14 +67,14 @@ def can_be_caught(xi, z, swing, landing):
 
 
 def test_the_margin_is_positive_where_steps_can_catch_the_robot_and_negative_elsewhere():
-    sets = ViableSets(TALOS, MARGIN, (STEP,), T, OMEGA)
+    sets = ViableSets(TALOS, (Allowance(MARGIN),), (STEP,), T, OMEGA)
     rng, seen = np.random.default_rng(1), []
     for _ in range(60):
         xi, z = rng.uniform([-0.3, -0.15], [0.3, 0.3]), rng.uniform([-0.1, -0.05], [0.1, 0.05])
         swing, to_touchdown = rng.uniform([-0.3, 0.16], [0.3, 0.4]), rng.uniform(0.1, 0.6)
         landing = (rng.uniform(0.01, 0.1), to_touchdown, to_touchdown)
         support, foot = Footstep(Side.RIGHT, np.zeros(2), 0.0), Footstep(Side.LEFT, swing, 0.0)
-        margin = sets.margins(support, foot, 0.0, xi, z, Landings(*(np.array([time]) for time in landing)))[0, 0]
+        margin = sets.margins(support, foot, 0.0, xi, z, Landings(*(np.array([time]) for time in landing)))[0, 0, 0]
         if abs(margin) > 1e-6:
             seen.append(margin > 0.0)
             assert can_be_caught(xi, z, swing, landing) == (margin > 0.0)
@@ -82,7 +82,7 @@ def test_the_margin_is_positive_where_steps_can_catch_the_robot_and_negative_els
 
 
 def test_the_set_is_the_same_wherever_the_robot_stands_and_looks():
-    sets = ViableSets(TALOS, MARGIN, (STEP, 0.4), T, OMEGA)
+    sets = ViableSets(TALOS, (Allowance(MARGIN), Allowance(0.0, 0.6)), (STEP, 0.4), T, OMEGA)
     landings = Landings(np.full(3, 0.05), np.array([0.1, 0.3, 0.5]), np.array([0.1, 0.3, 0.5]))
     points = np.array([[0.0, 0.0], [-0.2, 0.2], [0.05, 0.08], [0.02, 0.01]])  # support, swing, DCM, CoP
 

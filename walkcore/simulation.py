@@ -115,7 +115,7 @@ class Simulation:
         """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
         p = self.parameters
         is_adaptive = p.step_timing == "adaptive" and p.formulation.footholds is Footholds.FREE
-        return AdaptiveTiming(self.robot, p, self._generator) if is_adaptive else None
+        return AdaptiveTiming(self.robot, p, self._generator, self._stages) if is_adaptive else None
 
     def reset(self) -> None:
         """Back to rest at the origin, at tick 0."""
@@ -310,13 +310,15 @@ class Simulation:
     ) -> Plan | None:
         """Take the gait of adaptive step timing."""
         last, swing = self._last_plan, self._feet[self._gait.support_side(self._tick).other]
+        is_pushed = self._last_push is not None and self._last_push.tick == self._tick
         try:
             gait, plan = step_timing.decide(
                 candidates,
                 self._tick,
                 swing.height,
                 lambda gait: self._problem(gait, reference),
-                unlimited if last is None else time_left,
+                is_disturbed=is_pushed or (last is not None and last.status is Status.RELAXED),
+                time_left=unlimited if last is None else time_left,
             )
         except OutOfTimeError:
             assert last is not None
@@ -364,7 +366,7 @@ class Simulation:
         if not plans:
             self._fall_down(f"no step can catch the robot: {reasons[0]}")
             return None
-        gait, plan = max(plans, key=lambda choice: (choice[1].status is Status.SOLVED, choice[1].is_capturable))
+        gait, plan = max(plans, key=lambda choice: _promise(choice[1]))
         self._gait = gait
         return plan
 
@@ -523,6 +525,11 @@ class Simulation:
         }
         now = [name for name, is_reached in reached.items() if is_reached]
         return driver.signs.seen(now, self._tick, self.parameters.control_period)
+
+
+def _promise(plan: Plan) -> tuple[bool, bool, bool]:
+    """Rank of a plan: the greatest keeps all margins, then come those that can catch the robot, then those that try."""
+    return plan.status is Status.SOLVED, plan.is_capturable, plan.is_capturable or bool(plan.footholds)
 
 
 def _first_support(reference: Reference) -> Side:

@@ -5,6 +5,7 @@ milliseconds that is not theirs.
 """
 
 import gc
+import math
 import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,13 +16,17 @@ from itertools import repeat
 from typing import Any
 
 from app.bench.solvers import CLOCK, Durations, SolverResult, compare, problems_of
-from walkcore import Command, Reference, Scenario, Simulation, load_scenario
+from walkcore import Command, Push, Reference, Scenario, Simulation, load_scenario
+from walkcore.mpc.plan import Status
 from walkcore.mpc.qp import SOLVERS
 from walkcore.stages import Stopwatch
 
 MOTION = "herdt-2010-section-6"
 NB_QPS = 500
 PLANNING = ("assemble", "solve", "check")  # stages: from the state of the robot to a decision that holds
+COMPARING = "timing"  # stage: the comparison of touchdowns, by adaptive step timing alone
+PUSHES = (22.0, 30.0, 38.0)  # [N s] in each of 8 directions, at phases of the step that follow each other
+RECOVERY_TICKS = 60  # that each push is followed for
 PERIODS = (0.1, 0.005)  # [s]: the paper's, and that of the live walk
 STEADY_WALKS = {"straight": Reference(vx=0.3), "circle": Reference(vx=0.2, yaw_rate=0.2)}
 STEADY_TICKS = 2400  # per round: 12 s at the live walk's 200 ticks a second
@@ -74,6 +79,10 @@ class Bench:
     """The rest of that: building the QP, reading the solution, checking where it leads."""
     solvers: Mapping[str, SolverResult]
     steady_walks: tuple[SteadyWalk, ...]
+    recovering_tick: Durations
+    """The ticks of the point mass after pushes at which adaptive step timing gives up margins or the schedule."""
+    recovering_planning: Durations
+    """Planning's share of them: assembling and solving, the check, and the comparison of touchdowns."""
     speeds: tuple[WalkSpeed, ...]
 
     def to_mapping(self) -> dict[str, Any]:
@@ -101,6 +110,8 @@ def bench(report: Callable[[str], None], motion: Scenario | None = None, steady_
     solvers = compare(problems, motion.parameters.horizon_samples)
     report("a whole step of the point mass")
     steady_walks = _steady_walks(point_mass, steady_ticks)
+    report("recoveries from pushes")
+    recovering = _recoveries(point_mass)
     report("walks against real time")
     walks = [(period, has_body) for period in PERIODS for has_body in (False, True)]
     return Bench(
@@ -113,6 +124,8 @@ def bench(report: Callable[[str], None], motion: Scenario | None = None, steady_
         around_solver=Durations.of(planning_time(tick) - tick["solve"] for tick in planning),
         solvers=solvers,
         steady_walks=steady_walks,
+        recovering_tick=Durations.of(sum(tick.values()) for tick in recovering),
+        recovering_planning=Durations.of(planning_time(tick) for tick in recovering),
         speeds=tuple(_speed(motion, period, has_body) for period, has_body in walks),
     )
 
@@ -151,6 +164,30 @@ def _steady_walks(point_mass: Scenario, nb_ticks: int) -> tuple[SteadyWalk, ...]
     )
 
 
+def _recoveries(point_mass: Scenario) -> list[dict[str, float]]:
+    """Processor time of the stages of the ticks after pushes that adaptive step timing has to answer [s]."""
+    stopwatch = Stopwatch(CLOCK)
+    parameters = replace(point_mass.parameters, step_timing="adaptive", stepping_in_place=True)
+    simulation = Simulation(point_mass.robot, parameters, stopwatch)
+    ticks: list[dict[str, float]] = []
+    for _ in range(4 * parameters.timing.ticks_per_step):
+        simulation.step()
+    with _no_collection():
+        for strength in PUSHES:
+            for k in range(8):
+                state = simulation.state
+                angle = k * math.pi / 4
+                push = Push([strength * math.cos(angle), strength * math.sin(angle)])
+                for command in (Command(push=push), *repeat(Command(), RECOVERY_TICKS)):
+                    snapshot = simulation.step(command)
+                    if snapshot.status is Status.RELAXED:
+                        ticks.append(stopwatch.laps)
+                simulation.restore(state)
+                for _ in range(parameters.timing.ticks_per_step // 7):
+                    simulation.step()
+    return ticks
+
+
 @contextmanager
 def _no_collection() -> Iterator[None]:
     """Switch off the garbage collector, which the live control process lets run between ticks only."""
@@ -165,7 +202,7 @@ def _no_collection() -> Iterator[None]:
 
 def planning_time(tick: Mapping[str, float]) -> float:
     """Time for assembling and solving, the check of the solution included [s]."""
-    return sum(tick[stage] for stage in PLANNING)
+    return sum(tick.get(stage, 0.0) for stage in (*PLANNING, COMPARING))
 
 
 def by_stage(ticks: list[dict[str, float]]) -> dict[str, Durations]:
@@ -224,6 +261,15 @@ def _steady(bench: Bench) -> str:
     rows = [
         (w.walk, w.solver, *_numbers(w.step), *_numbers(w.assemble_and_solve)[:2], f"{w.tail:.1f}")
         for w in bench.steady_walks
+    ]
+    rows += [
+        (
+            "recovering",
+            "piqp",
+            *_numbers(bench.recovering_tick),
+            *_numbers(bench.recovering_planning)[:2],
+            f"{bench.recovering_planning.p99 / bench.recovering_planning.median:.1f}",
+        )
     ]
     return _columns(head, rows)
 

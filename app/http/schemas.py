@@ -227,7 +227,13 @@ def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
     """Effect of a push, by the first snapshot after it."""
     plan = snapshot.plan
     survives = plan is not None and plan.is_capturable and plan.max_leg_extension() <= robot.max_com_distance
-    return {"status": snapshot.status.value, "survives": survives, "plan": plan_json(snapshot)}
+    return {
+        "status": snapshot.status.value,
+        "survives": survives,
+        "step_duration": snapshot.step_duration,
+        "next_step_duration": snapshot.next_step_duration,
+        "plan": plan_json(snapshot),
+    }
 
 
 def late_json(timing: TickTiming) -> dict[str, int]:

@@ -32,6 +32,7 @@ from walkcore.mpc.stance import Footstep, Side
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector, rotation
 
+ROUNDING = 1e-6  # [s] between equal durations
 RECOVERY_TOLERANCE = 0.02  # [m] between a point and its place in the undisturbed walk
 
 
@@ -52,6 +53,10 @@ class BalanceState:
     support: Footstep
     phase: Phase
     status: Status
+    step_duration: float = math.nan
+    """Duration of the step under way, or the first one to come [s]; NaN where it is not known."""
+    next_step_duration: float = math.nan
+    """Duration of those after it [s]."""
 
 
 def balance_state(snapshot: Snapshot, mass: float) -> BalanceState:
@@ -71,6 +76,8 @@ def balance_state(snapshot: Snapshot, mass: float) -> BalanceState:
         support=snapshot.support,
         phase=snapshot.phase,
         status=snapshot.status,
+        step_duration=snapshot.step_duration,
+        next_step_duration=snapshot.next_step_duration,
     )
 
 
@@ -88,6 +95,8 @@ class PushOutcome:
     """Touchdowns since the push began, until the robot had recovered."""
     time: float | None
     """Time from the beginning of the push until the robot had recovered [s]; None as long as it has not."""
+    shortened: tuple[float, ...] = ()
+    """Durations of those of the steps that took less than the usual time [s]."""
 
 
 class PushRecoveryMonitor:
@@ -99,6 +108,7 @@ class PushRecoveryMonitor:
         self._landed: dict[Side, Matrix] = {}  # CoM and DCM in the foot's frame at its last touchdown
         self._landed_before_push: dict[Side, Matrix] = {}
         self._is_relaxed = False
+        self._usual_duration = math.nan  # [s] of the steps before the push
         self._before: BalanceState | None = None
 
     def update(self, now: BalanceState) -> None:
@@ -110,7 +120,7 @@ class PushRecoveryMonitor:
         if now.status is Status.FALLEN:
             self._conclude(survived=False)
         elif has_landed:
-            is_back = self._land(now)
+            is_back = self._land(now, math.nan if before is None else before.step_duration)
             if is_back and not is_relaxed and not (is_pushed and was_pushed):
                 self._conclude(survived=True)
         elif stands:
@@ -118,10 +128,10 @@ class PushRecoveryMonitor:
             if not is_pushed and not is_relaxed and _rests(now):
                 self._conclude(survived=True)
         if is_pushed:
-            self._begin(now, goes_on=was_pushed)
+            self._begin(now, before, goes_on=was_pushed)
         self._is_relaxed = now.status is Status.RELAXED or (is_relaxed and not has_landed and not stands)
 
-    def _begin(self, now: BalanceState, goes_on: bool) -> None:
+    def _begin(self, now: BalanceState, before: BalanceState | None, goes_on: bool) -> None:
         x, y = map(float, now.push)
         if goes_on and self.last is not None:
             x, y = x + self.last.impulse[0], y + self.last.impulse[1]
@@ -129,16 +139,19 @@ class PushRecoveryMonitor:
         else:
             if self.last is None or self.last.survived is not None:
                 self._landed_before_push = dict(self._landed)
+                self._usual_duration = math.nan if before is None else before.next_step_duration
             self.last = PushOutcome(now.t, (x, y), None, 0, None)
 
-    def _land(self, now: BalanceState) -> bool:
-        """Note a touchdown; whether the walk is back where it was."""
+    def _land(self, now: BalanceState, duration: float) -> bool:
+        """Note a touchdown, of a step of some duration [s]; whether the walk is back where it was."""
         foot = now.support
         places = (np.array([now.com, now.dcm]) - foot.position) @ rotation(foot.yaw)
         usual = [landed[foot.side] for landed in (self._landed_before_push, self._landed) if foot.side in landed]
         self._landed[foot.side] = places
         if self.last is not None and self.last.survived is None:
-            self.last = replace(self.last, steps=self.last.steps + 1)
+            is_shortened = duration < self._usual_duration - ROUNDING
+            shortened = (*self.last.shortened, round(duration, 9)) if is_shortened else self.last.shortened
+            self.last = replace(self.last, steps=self.last.steps + 1, shortened=shortened)
         return any(bool(np.all(np.hypot(*(places - there).T) < RECOVERY_TOLERANCE)) for there in usual)
 
     def _conclude(self, survived: bool) -> None:
@@ -167,6 +180,8 @@ class PushRecovery:
     """Time until the walk repeats itself [s]; None if another push came before, or the walk ended or fell."""
     steps: int | None
     """Touchdowns until then."""
+    shortened: tuple[float, ...]
+    """Durations of those of the steps that took less than the usual time [s]."""
     com_deviation: float | None
     """Largest deviation of the CoM from the gait cycle before the push, repeated, until the next disturbance [m].
 
@@ -186,6 +201,7 @@ def push_recoveries(walk: Walk) -> list[PushRecovery]:
             impulse=push.impulse,
             time=push.time,
             steps=push.steps if push.survived else None,
+            shortened=push.shortened,
             com_deviation=_deviation(
                 walk,
                 first,
@@ -212,6 +228,8 @@ def _balance_states(walk: Walk) -> Iterator[BalanceState]:
     """The balance at each tick before a fall."""
     push, com, cop, support = (points(walk, name) for name in ("push", "com", "cop", "support"))
     before_push = dcm(walk) - push / (walk.parameters["mass"] * pendulum(walk).omega)
+    unknown = np.full(len(walk["t"]), math.nan)  # in recordings that are older than step timing
+    durations = [walk[name] if name in walk.columns else unknown for name in ("step_duration", "next_step_duration")]
     for k in range(nb_rows_up(walk)):
         yield BalanceState(
             t=float(walk["t"][k]),
@@ -222,6 +240,8 @@ def _balance_states(walk: Walk) -> Iterator[BalanceState]:
             support=Footstep(Side(int(walk["support_side"][k])), support[k], float(walk["support_yaw"][k])),
             phase=Phase(int(walk["phase"][k])),
             status=Status(int(walk["status"][k])),
+            step_duration=float(durations[0][k]),
+            next_step_duration=float(durations[1][k]),
         )
 
 

@@ -13,6 +13,8 @@ up for ever, are a convex set B that solves
 with S the sole, R the foothold region, ' for the other side, a and b the growth of xi over
 a double and a single support, and + the Minkowski sum. The paper's QP does not know
 this set; leaving it means that no further plan could catch the robot.
+With P what one step adds, B = P + mirrored B / (a b): alternately P and its mirror image, ever smaller. Parts that are
+the same but for their size add up to one, so B = (P + mirrored P / (a b)) / (1 - 1/(a b)^2).
 Koolen et al. 2012, "Capturability-based analysis and control of legged locomotion".
 """
 
@@ -26,8 +28,6 @@ from scipy.spatial import ConvexHull
 from walkcore.mpc.regions import HalfPlanes, cut_vertices, foothold_vertices, inset_vertices, polygon
 from walkcore.mpc.stance import Side, convex_hull, mirrored
 from walkcore.values import Matrix, Vector
-
-ITERATIONS = 20  # of the fixed point; each shrinks the error by a b, about 15
 
 
 def strides(region: Matrix, max_foot_speed: Vector, timing: "StepTiming") -> Matrix:
@@ -69,14 +69,13 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
     a = math.exp(timing.omega * timing.double_support)
     b = math.exp(timing.omega * timing.single_support)
     right_sole = mirrored(sole)
-    on_right = right_sole
-    for _ in range(ITERATIONS):
-        on_right = minkowski_sum(
-            (a - 1) / (2 * a) * right_sole,
-            (a + 1) / (2 * a) * foothold_vertices(region, Side.LEFT),
-            ((a - 1) / 2 + (b - 1) / b) / a * sole,
-            mirrored(on_right) / (a * b),
-        )
+    one_step = minkowski_sum(
+        (a - 1) / (2 * a) * right_sole,
+        (a + 1) / (2 * a) * foothold_vertices(region, Side.LEFT),
+        ((a - 1) / 2 + (b - 1) / b) / a * sole,
+    )
+    shrinking = 1 / (a * b)
+    on_right = minkowski_sum(one_step, shrinking * mirrored(one_step)) / (1 - shrinking**2)
     return {Side.RIGHT: on_right, Side.LEFT: mirrored(on_right)}
 
 
@@ -110,16 +109,34 @@ def _viable_vertices(
     sole: Polygon, margin: float, region: Polygon, timing: StepTiming, sampling_period: float
 ) -> dict[Side, tuple[Matrix, ...]]:
     inner = inset_vertices(np.array(sole), margin)
-    at_touchdown = capture_vertices(inner, np.array(region), timing)
+    at_touchdown = capture_vertices(inner, np.array(region), timing)[Side.LEFT]
     nb_samples = round(timing.single_support / sampling_period)
     growth = np.exp(timing.omega * sampling_period * np.arange(nb_samples + 1))
-    return {
-        side: tuple(minkowski_sum(vertices / e, (1 - 1 / e) * own) for e in growth)
-        for side, vertices, own in (
-            (Side.LEFT, at_touchdown[Side.LEFT], inner),
-            (Side.RIGHT, at_touchdown[Side.RIGHT], mirrored(inner)),
-        )
-    }
+    on_left = tuple(_before_touchdown(at_touchdown, inner, float(e)) for e in growth)
+    return {Side.LEFT: on_left, Side.RIGHT: tuple(map(mirrored, on_left))}
+
+
+def _before_touchdown(at_touchdown: Matrix, sole: Matrix, growth: float) -> Matrix:
+    """States from which a CoP in the sole brings the DCM into a set at the touchdown, by when it grows so much."""
+    return minkowski_sum(at_touchdown / growth, (1 - 1 / growth) * sole)
+
+
+def viable_after_double_support(sole: Matrix, margin: float, region: Matrix, timing: StepTiming) -> dict[Side, Matrix]:
+    """Viable states of the DCM as a single support begins, in the frame of each support foot.
+
+    Args:
+        sole: outline of the left sole [m], shape (V, 2).
+        margin: that the CoP keeps from its edges [m].
+        region: of the left foot, in the right foot's frame [m], shape (V, 2).
+        timing: of the steps.
+
+    Returns:
+        Vertices by side of the support foot [m], shapes (V, 2).
+    """
+    inner = inset_vertices(sole, margin)
+    at_touchdown = capture_vertices(inner, region, timing)[Side.LEFT]
+    on_left = _before_touchdown(at_touchdown, inner, math.exp(timing.omega * timing.single_support))
+    return {Side.LEFT: on_left, Side.RIGHT: mirrored(on_left)}
 
 
 def viable_polygons(vertices: dict[Side, tuple[Matrix, ...]]) -> dict[Side, tuple[HalfPlanes, ...]]:

@@ -317,16 +317,18 @@ class Gait:
             return self
         return self._from_step(timing, tick, tick, tick + timing.ticks_per_step, timing.samples_per_step)
 
-    def retimed(self, tick: int, touchdown: int, samples_per_step: int, support: Side | None = None) -> "Gait":
+    def retimed(
+        self, tick: int, begin: int, touchdown: int, samples_per_step: int, support: Side | None = None
+    ) -> "Gait":
         """The same walk, going on for ever, with other durations of the step under way and of those after it.
 
         Args:
-            tick: now; a robot that stands begins its step here.
-            touchdown: tick of the touchdown that ends the step under way.
+            tick: now.
+            begin: tick at which the step under way has begun; a robot that stands begins one thereby.
+            touchdown: tick of the touchdown that ends it.
             samples_per_step: samples that each step after it takes.
             support: foot that carries the step under way; by default that of this gait.
         """
-        begin = tick if self.step(tick) < 0 else self.step_ticks(tick)[0]
         gait = replace(self, nb_steps=None)
         return gait._from_step(self.timing, tick, begin, touchdown, samples_per_step, support)
 

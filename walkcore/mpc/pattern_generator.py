@@ -16,7 +16,7 @@ from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
 from walkcore.mpc.supports import CaptureSets, SupportGeometry, Supports, WalkingProblem
-from walkcore.mpc.viability import Landings, viable_sets
+from walkcore.mpc.viability import Allowance, Landings, viable_sets
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -49,7 +49,7 @@ class PatternGenerator:
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
         self._geometry = SupportGeometry(robot, p, sets)
         self._viable_sets = viable_sets(
-            robot, p.cop_margin, (p.step_duration,), p.double_support_duration, self.pendulum.omega
+            robot, (Allowance(p.cop_margin),), (p.step_duration,), p.double_support_duration, self.pendulum.omega
         )
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
@@ -217,18 +217,21 @@ class PatternGenerator:
         return excess < CAPTURE_TOLERANCE or self._is_viable_in_flight(plan, problem)
 
     def _is_viable_in_flight(self, plan: Plan, problem: WalkingProblem) -> bool:
-        """Whether steps can catch the robot one sample from now, the first one no farther than the foot can fly."""
-        horizon, first = problem.horizon, problem.horizon.stances.first
-        if first.is_double_support:
-            return True
+        """Whether steps can catch the robot from a sample on, the first one no farther than the foot can fly.
+
+        The sample is the next one, or, of a robot that stands before its first step, the last one on both feet: over
+        the period after it the CoP goes from where it is then to the support foot.
+        """
+        horizon, stances, T = problem.horizon, problem.horizon.stances, self._parameters.sampling_period
+        sample = max(int(np.argmin(stances.is_double_support)) - 1, 0)
         landing = Landings(
-            to_sample=np.zeros(1),
-            to_touchdown=np.array([first.samples_to_touchdown * self._parameters.sampling_period]),
+            to_sample=np.array([T if stances.is_double_support[sample] else 0.0]),
+            to_touchdown=np.array([stances.samples_to_touchdown[sample] * T]),
             in_air=np.array([horizon.time_in_air]),
         )
-        yaw = plan.footholds[0].yaw
-        margins = self._viable_sets.margins(problem.support, problem.swing, yaw, plan.dcm[0], plan.cop[0], landing)
-        return bool(margins[0, 0] > -CAPTURE_TOLERANCE)
+        yaw, dcm, cop = plan.footholds[0].yaw, plan.dcm[sample], plan.cop[sample]
+        margins = self._viable_sets.margins(problem.support, problem.swing, yaw, dcm, cop, landing)
+        return bool(margins[0, 0, 0] > -CAPTURE_TOLERANCE)
 
     def _flies_in_time(self, plan: Plan, problem: WalkingProblem) -> bool:
         """Whether the foot gets to its foothold in the time that it has in the air: (30) allows it more."""

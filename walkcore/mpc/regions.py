@@ -94,11 +94,11 @@ def polygon(vertices: ArrayLike) -> HalfPlanes:
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"the points enclose no area: {vertices}") from error
     normals, bounds = facets[:, :2], -facets[:, 2]
-    are_opposite = np.all(np.abs(normals[:, None] + normals) <= 1e-9 + 1e-5 * np.abs(normals), axis=2)
+    are_opposite = np.all(np.abs(normals[:, None] + normals) <= 1e-9 + 1e-5 * np.abs(normals), axis=2).tolist()
     rows: list[int] = []
     lower: list[float] = []
     for facet, bound in enumerate(bounds):
-        opposite = next((i for i, row in enumerate(rows) if are_opposite[row, facet]), None)
+        opposite = next((i for i, row in enumerate(rows) if are_opposite[row][facet]), None)
         if opposite is None:
             rows.append(facet)
             lower.append(-np.inf)

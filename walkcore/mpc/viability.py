@@ -23,10 +23,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from walkcore.cache import instance_cache
-from walkcore.mpc.capture import StepTiming, strides, viable_vertices
-from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices, polygon
+from walkcore.mpc.capture import StepTiming, strides, viable_after_double_support
+from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices
 from walkcore.mpc.stance import Footstep, Side, convex_hull, mirrored
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
@@ -34,6 +36,10 @@ from walkcore.values import Matrix, Vector, frozen_copy, rotation
 TINY = 1e-12
 SIGNS = frozen_copy([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 MAX_TURNS = 64  # turns of the next foot whose parts are kept; a straight walk has one
+
+
+Parts = NDArray[np.float64]
+"""Support functions in n directions, for A allowances and D durations of the coming steps, shape (n, A, D)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,76 +53,78 @@ class Landings:
     """Time that the foot has left in the air, without the rest of a double support."""
 
 
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """How far the coming steps may go to catch the robot."""
+
+    margin: float
+    """That the CoP keeps from the edges of the soles [m]."""
+    part: float = 1.0
+    """Fraction of the foothold region, around its middle, that all footholds after the next one may use."""
+
+
 @lru_cache(maxsize=16)  # a change of other parameters during a walk asks for the same sets again
 def viable_sets(
-    robot: Robot, margin: float, durations: tuple[float, ...], double_support: float, omega: float, part: float = 1.0
+    robot: Robot, allowances: tuple[Allowance, ...], durations: tuple[float, ...], double_support: float, omega: float
 ) -> "ViableSets":
     """The `ViableSets` of these arguments, computed once.
 
     Args:
         robot: with its sole, its foothold regions and the speed of its feet.
-        margin: that the CoP keeps from the edges of the soles [m].
-        durations: of the coming steps [s].
+        allowances: from each of which a set follows.
+        durations: of the coming steps, from each of which a set follows [s].
         double_support: its duration T [s].
         omega: of the pendulum [1/s].
-        part: fraction of the foothold region that all footholds after the next one may use, around its middle.
     """
-    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
-    return ViableSets(robot, margin, durations, double_support, omega, middle + part * (region - middle))
+    return ViableSets(robot, allowances, durations, double_support, omega)
 
 
 class ViableSets:
-    """Viable states of the DCM of one robot for a margin of the CoP and some durations of the coming steps."""
+    """Viable states of the DCM of one robot, for A allowances and D durations of the coming steps."""
 
     def __init__(
         self,
         robot: Robot,
-        margin: float,
+        allowances: Sequence[Allowance],
         durations: Sequence[float],
         double_support: float,
         omega: float,
-        later_region: Matrix | None = None,
     ) -> None:
         """Compute the support functions of the parts that do not move.
 
         Args:
             robot: with its sole, its foothold regions and the speed of its feet.
-            margin: that the CoP keeps from the edges of the soles [m].
+            allowances: from each of which a set follows.
             durations: of the coming steps, from each of which a set follows [s].
             double_support: its duration T [s].
             omega: of the pendulum [1/s].
-            later_region: of all footholds after the next one, for the left foot in the right foot's frame [m],
-                shape (V, 2); by default the robot's own.
         """
         self._omega, self._double_support, self._max_speed = omega, double_support, robot.max_foot_speed
-        sole = inset_vertices(robot.sole, margin)
-        self._soles = {Side.LEFT: sole, Side.RIGHT: mirrored(sole)}
+        soles = [inset_vertices(robot.sole, allowance.margin) for allowance in allowances]
+        self._soles = {Side.LEFT: soles, Side.RIGHT: [mirrored(sole) for sole in soles]}
         timings = [StepTiming(double_support, duration - double_support, omega) for duration in durations]
-        later_region = robot.foothold_region if later_region is None else later_region
+        middle = np.mean(robot.foothold_region, axis=0)
         sets = [
-            viable_vertices(
-                robot.sole, margin, strides(later_region, robot.max_foot_speed, timing), timing, double_support
+            viable_after_double_support(
+                robot.sole,
+                allowance.margin,
+                strides(middle + allowance.part * (robot.foothold_region - middle), robot.max_foot_speed, timing),
+                timing,
             )
+            for allowance in allowances
             for timing in timings
         ]
-        self._after_double_support = {side: [by_side[side][-1] for by_side in sets] for side in Side}
+        self._after_double_support = {side: [by_side[side] for by_side in sets] for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._regions = {
             side: [convex_hull(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
             for side in Side
         }
-        self._normals = {side: self._normals_of_edges(side) for side in Side}
+        self._normals = {side: _normals_of_edges(robot, side.other) for side in Side}
         self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
 
-    def _normals_of_edges(self, support: Side) -> Matrix:
-        """Normals of the edges of all parts in the frame of a support foot, shape (n, 2)."""
-        parts = [*self._soles.values(), *self._after_double_support[support.other], *self._regions[support.other]]
-        normals = np.vstack([np.eye(2), -np.eye(2), *(_outward_normals(part) for part in parts)])
-        _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
-        return frozen_copy(normals[np.sort(first)])
-
-    def _compute_fixed_parts(self, support: Side, turn: float) -> tuple[Vector, Vector, Matrix]:
-        """Support functions of S, S' and of the V' of each duration, shapes (n,), (n,) and (n, durations).
+    def _compute_fixed_parts(self, support: Side, turn: float) -> tuple[Parts, Parts, Parts]:
+        """Support functions of S, S' and V', shapes (n, A, 1), (n, A, 1) and (n, A, D).
 
         Args:
             support: side of the support foot.
@@ -124,17 +132,15 @@ class ViableSets:
         """
         normals, landing = self._normals[support], support.other
         turned = normals @ rotation(turn)
-        after = [support_function(vertices, turned) for vertices in self._after_double_support[landing]]
-        return (
-            support_function(self._soles[support], normals),
-            support_function(self._soles[landing], turned),
-            np.stack(after, axis=1),
-        )
+        own = np.stack([support_function(sole, normals) for sole in self._soles[support]], axis=1)
+        following = np.stack([support_function(sole, turned) for sole in self._soles[landing]], axis=1)
+        after = np.stack([support_function(vertices, turned) for vertices in self._after_double_support[landing]], 1)
+        return own[..., None], following[..., None], after.reshape(*own.shape, -1)
 
     def margins(
         self, support: Footstep, swing: Footstep, foothold_yaw: float, dcm: Vector, cop: Vector, landings: Landings
-    ) -> Matrix:
-        """Distance by which the DCM lies inside of the viable sets; negative outside [m], shape (K, durations).
+    ) -> NDArray[np.float64]:
+        """Distance by which the DCM lies inside of the viable sets; negative outside [m], shape (K, A, D).
 
         Args:
             support: foot that will carry the first sample.
@@ -152,8 +158,10 @@ class ViableSets:
         F = support_of_reachable(self._regions[swing.side][band], foot, reach, n)
         e, a = np.exp(-omega * landings.to_touchdown)[:, None], math.exp(omega * self._double_support)
         kappa = _share_of_present_cop(omega * landings.to_sample)[:, None]
-        room = (1 - e - kappa) * S + e / a * ((a - 1) / 2 * (S + S_next) + (a + 1) / 2 * F) - n @ xi + kappa * (n @ z)
-        return (room[:, :, None] + (e / a)[:, :, None] * V_next).min(axis=1)
+        moving = e * (a + 1) / (2 * a) * F - n @ xi + kappa * (n @ z)
+        e, kappa = e[..., None, None], kappa[..., None, None]
+        room = (1 - e - kappa) * S + e / a * ((a - 1) / 2 * (S + S_next) + V_next) + moving[..., None, None]
+        return room.min(axis=1)
 
 
 def _share_of_present_cop(x: Vector) -> Vector:
@@ -161,10 +169,21 @@ def _share_of_present_cop(x: Vector) -> Vector:
     return np.where(x > 0.0, 1.0 + np.expm1(-x) / np.maximum(x, TINY), 0.0)
 
 
-def _outward_normals(vertices: Matrix) -> Matrix:
-    """Normals of all edges of a convex polygon, shape (E, 2)."""
-    planes = polygon(vertices)
-    return np.vstack([planes.normals, -planes.normals[np.isfinite(planes.lower)]])
+@lru_cache(maxsize=16)
+def _normals_of_edges(robot: Robot, landing: Side) -> Matrix:
+    """Normals of the edges of all parts in the frame of the support foot, shape (n, 2).
+
+    A part that is a sum, inset or cut has no others than its own parts and the cuts along x.
+
+    Args:
+        robot: whose soles and foothold regions they are.
+        landing: side of the next foothold.
+    """
+    both = [f(part) for part in (robot.sole, robot.foothold_region) for f in (np.asarray, mirrored)]
+    parts = [*both, *(foothold_vertices(region.vertices, landing) for region in robot.foothold_regions)]
+    normals = np.vstack([np.eye(2), -np.eye(2), *(ConvexHull(part).equations[:, :2] for part in parts)])
+    _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
+    return frozen_copy(normals[np.sort(first)])
 
 
 def support_function(vertices: Matrix, normals: Matrix) -> Vector:
@@ -201,8 +220,9 @@ def support_of_reachable(region: Matrix, foot: Vector, reach: Matrix, normals: M
     counts[:, len(p) : -len(SIGNS)] &= is_on_edge
     counts[:, -len(SIGNS) :] = np.all(corners @ outward.T <= np.vecdot(outward, p) + TINY, axis=2)
     support = np.full((len(reach), len(normals)), -np.inf)
-    box, _ = np.nonzero(counts)
-    boxes, first = np.unique(box, return_index=True)
+    corners_of_box = np.count_nonzero(counts, axis=1)
+    boxes = np.flatnonzero(corners_of_box)
     if len(boxes):
+        first = np.concatenate([[0], np.cumsum(corners_of_box[boxes])[:-1]])
         support[boxes] = np.maximum.reduceat(points[counts] @ normals.T, first, axis=0)
     return support + normals @ foot

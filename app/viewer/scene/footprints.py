@@ -1,18 +1,36 @@
-"""Soles on the ground: where they stood, and where the plan puts them."""
+"""Soles on the ground: where they stood, and where the plan puts them, and when.
+
+A step that is shorter than usual is marked in magenta: its foothold while the foot is in the air, its print afterwards.
+"""
 
 from itertools import zip_longest
 
-from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT
-from app.viewer.scene.frame import PRINTS_PER_FOOT, Canvas, Frame
-from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, counter_clockwise, fan, raised
+from app.drawing.palette import LEFT_FOOT, PUSH, RIGHT_FOOT
+from app.viewer.scene.frame import PRINTS_PER_FOOT, Canvas, Frame, is_shortened
+from app.viewer.scene.primitives import (
+    GroundPolygon,
+    Points,
+    PolygonStyle,
+    add_lines,
+    counter_clockwise,
+    disc,
+    fan,
+    outline,
+    raised,
+)
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot
+from walkcore.mpc.gait import Phase
 from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.values import Matrix
 
 FOOTHOLDS_PER_FOOT = 4  # of a long horizon; the default one has two
 FRESH_OPACITY = 0.8
 PRINT_HEIGHT, PLAN_HEIGHT = 0.002, 0.004  # [m]
+MARK_HEIGHT, RING_HEIGHT = 0.003, 0.012  # [m]
+MARK_THICKNESS, RING_THICKNESS = 3.0, 3.0  # pixels
+RING_RADIUS, RING_SPEED = 0.15, 0.4  # [m] around the foothold at touchdown, [m/s] at which the ring shrinks to that
+RING_CORNERS = 32
 GREYS = {Side.LEFT: LEFT_FOOT, Side.RIGHT: RIGHT_FOOT}
 
 
@@ -43,6 +61,14 @@ class PastFootprints:
                     receive_shadow=False,
                     visible=False,
                 )
+                canvas.server.scene.add_line_segments(
+                    f"{name}/shortened",
+                    outline(raised(sole, MARK_HEIGHT)),
+                    colors=PUSH,
+                    thickness=MARK_THICKNESS,
+                    thickness_units="screen",
+                    visible=False,
+                )
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Draw the footprints, if a sole has come to the ground since they were drawn."""
@@ -53,8 +79,9 @@ class PastFootprints:
             for name, place in zip_longest(self._names[side], places):
                 updates.visible(name, place is not None)
                 if place is not None:
-                    x, y, yaw = place
+                    x, y, yaw = place.pose
                     updates.on_ground(name, (x, y), yaw)
+                    updates.visible(f"{name}/shortened", place.is_of_shortened_step)
 
 
 class FootholdMarks:
@@ -79,13 +106,39 @@ class FootholdMarks:
 
 
 class PlannedFootholds:
-    """Footholds of the plan."""
+    """Footholds of the plan, and a ring around the next one that shrinks until the foot in the air lands."""
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
         styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.22, thickness=2.5) for side, grey in GREYS.items()}
         self._marks = FootholdMarks(canvas, canvas.root, styles)
+        self._frame = f"{canvas.root}/ring"
+        canvas.server.scene.add_frame(self._frame, show_axes=False, visible=False)
+        self._rings = {False: f"{self._frame}/usual", True: f"{self._frame}/shortened"}
+        for is_short, ring in self._rings.items():
+            add_lines(canvas.server, ring, PUSH if is_short else LEFT_FOOT, RING_THICKNESS, nb_segments=RING_CORNERS)
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Draw the footholds of the snapshot's plan."""
-        self._marks.draw(updates, frame.snapshot.plan.footholds if frame.snapshot.plan is not None else ())
+        plan = frame.snapshot.plan
+        self._marks.draw(updates, plan.footholds if plan is not None else ())
+        is_in_air = plan is not None and bool(plan.footholds) and frame.snapshot.phase is Phase.SINGLE_SUPPORT
+        updates.visible(self._frame, is_in_air)
+        if plan is None or not is_in_air:
+            return
+        updates.on_ground(self._frame, plan.footholds[0].position)
+        is_short = is_shortened(frame.snapshot.step_duration, frame.parameters)
+        for is_of_short, ring in self._rings.items():
+            updates.visible(ring, is_of_short == is_short)
+        if frame.has_lines:
+            updates.properties(self._rings[is_short], points=countdown_ring(frame.snapshot.time_to_touchdown))
+
+
+def countdown_ring(time_to_touchdown: float) -> Points:
+    """Ring around a foothold that shrinks until the touchdown, as segments [m], shape (RING_CORNERS, 2, 3).
+
+    Args:
+        time_to_touchdown: [s].
+    """
+    corners, _ = disc(round(RING_RADIUS + RING_SPEED * time_to_touchdown, 3), RING_CORNERS)
+    return outline(raised(corners[:, :2], RING_HEIGHT))

@@ -10,11 +10,13 @@ import viser
 
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
+from walkcore.mpc.gait import Phase
 from walkcore.mpc.stance import Side
 from walkcore.pushes import GivenPush
 from walkcore.values import Vector
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
+ROUNDING = 1e-6  # [s] between equal durations
 
 PRINTS_PER_FOOT = 6
 TRAIL_POINTS = 20  # two seconds
@@ -49,12 +51,31 @@ class Canvas:
     """Joint that moves each such mesh, by the path of its node; a drawing adds its own."""
 
 
+@dataclass(frozen=True, slots=True)
+class Footprint:
+    """Place where a sole stood."""
+
+    pose: Pose
+    is_of_shortened_step: bool
+    """Whether the step that led there took less than the usual time."""
+
+
+def is_shortened(duration: float, parameters: Parameters) -> bool:
+    """Whether a step takes less than the usual time.
+
+    Args:
+        duration: of the step [s].
+        parameters: in force.
+    """
+    return duration < parameters.step_duration - ROUNDING
+
+
 class History:
     """Past of the walk that a snapshot does not hold; it is kept for hidden layers, too."""
 
     def __init__(self) -> None:
         """Start with no past."""
-        self.footprints: dict[Side, deque[Pose]] = {side: deque(maxlen=PRINTS_PER_FOOT) for side in Side}
+        self.footprints: dict[Side, deque[Footprint]] = {side: deque(maxlen=PRINTS_PER_FOOT) for side in Side}
         """Last places where each sole stood, the latest first."""
         self.nb_changes = 0
         """Number of changes of the footprints so far."""
@@ -63,8 +84,9 @@ class History:
         self.new_push: GivenPush | None = None
         """Push since the snapshot before."""
         self._last_tick: float = math.inf
+        self._was_shortened = False
 
-    def add(self, snapshot: Snapshot, *, is_on_trail: bool) -> None:
+    def add(self, snapshot: Snapshot, parameters: Parameters, *, is_on_trail: bool) -> None:
         """Add a drawn snapshot; one from before the last, after a reset of the robot, starts a new past."""
         if snapshot.tick < self._last_tick:
             self.trail.clear()
@@ -76,9 +98,11 @@ class History:
         for side, foot in snapshot.feet.items():
             x, y, yaw = foot.pose.tolist()
             places = self.footprints[side]
-            if foot.height == 0.0 and (not places or places[0] != (x, y, yaw)):
-                places.appendleft((x, y, yaw))
+            if foot.height == 0.0 and (not places or places[0].pose != (x, y, yaw)):
+                places.appendleft(Footprint((x, y, yaw), self._was_shortened))
                 self.nb_changes += 1
+        is_in_air = snapshot.phase is Phase.SINGLE_SUPPORT
+        self._was_shortened = is_in_air and is_shortened(snapshot.step_duration, parameters)
         if is_on_trail:
             self.trail.extend([snapshot] * (1 if self.trail else TRAIL_POINTS))
 

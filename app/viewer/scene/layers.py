@@ -55,10 +55,16 @@ LAYERS = {
         "twin", "The model on the same commands, drawn one metre aside", palette.TWIN, partial(GhostDrawing, TWIN_BODY)
     ),
     "footprints": Layer(
-        "past footsteps", "Soles where they stood: left darker, right lighter", palette.LEFT_FOOT, PastFootprints
+        "past footsteps",
+        "Soles where they stood: left darker, right lighter; outlined after a shortened step",
+        palette.LEFT_FOOT,
+        PastFootprints,
     ),
     "plan": Layer(
-        "planned footsteps", "Footholds that the QP decided at this tick", palette.RIGHT_FOOT, PlannedFootholds
+        "planned footsteps",
+        "Footholds that the QP decided at this tick; a ring shrinks until the touchdown",
+        palette.RIGHT_FOOT,
+        PlannedFootholds,
     ),
     "regions": Layer(
         "foothold regions", "Where each planned foot may land", palette.REGION, FootholdRegions, is_on=False

@@ -8,11 +8,11 @@ import numpy as np
 
 from app.drawing.palette import PUSH
 from app.viewer.scene.footprints import FootholdMarks
-from app.viewer.scene.frame import Canvas, Frame
+from app.viewer.scene.frame import Canvas, Frame, is_shortened
 from app.viewer.scene.points import MODEL_DCM
 from app.viewer.scene.primitives import Points, PolygonStyle, add_arrow, add_dot, raised
 from app.viewer.transport.scene_updates import SceneUpdates
-from walkcore import Robot, Snapshot
+from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.stance import Side
@@ -88,7 +88,7 @@ class PushPreview:
         updates.visible(self._arrow, True)
         updates.properties(self._arrow, points=arrow)
         updates.position(self._label, arrow[0, 1] + np.array([0.0, 0.0, LABEL_LIFT]))
-        effect = "" if after is None else f": {_effect(self._robot, after)}"
+        effect = "" if after is None else f": {effect_of_push(self._robot, after, frame.parameters)}"
         impulse = f"{np.hypot(*aim.impulse):.0f} N·s"
         text = f"{impulse}{effect}" if aim.force is None else f"{np.hypot(*aim.force):.0f} N, {impulse} so far"
         updates.properties(self._label, text=text)
@@ -126,12 +126,22 @@ def arrow_from(force: Vector) -> Points:
     return raised(np.round([np.zeros(2), tip], 3), 0.0)[None]
 
 
-def _effect(robot: Robot, after: Snapshot) -> str:
-    """Effect of a push in a word or two, by the first snapshot after it."""
+def effect_of_push(robot: Robot, after: Snapshot, parameters: Parameters) -> str:
+    """Effect of a push in a few words.
+
+    Args:
+        robot: that is pushed.
+        after: first snapshot after the push.
+        parameters: in force.
+    """
     if after.plan is None or not after.plan.is_capturable:
         return "would fall"
     if after.plan.max_leg_extension() > robot.max_com_distance:
         return "would probably fall"  # unless the next ticks find better steps, which is rare
+    durations = (after.step_duration, after.next_step_duration)
+    shortened = sorted({round(d, 2) for d in durations if is_shortened(d, parameters)})
+    if after.plan.footholds and shortened:
+        return f"shortens steps to {' to '.join(f'{duration:g}' for duration in shortened)} s"
     if after.status is Status.RELAXED:
         return "gives up margin"
     if after.phase is Phase.STANDING:

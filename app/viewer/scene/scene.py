@@ -82,7 +82,7 @@ class Scene:
         """
         self._nb_frames += 1
         has_lines = self._nb_frames % FRAMES_PER_LINE == 0
-        self._history.add(snapshot, is_on_trail=has_lines)
+        self._history.add(snapshot, parameters, is_on_trail=has_lines)
         self._scroll(snapshot, elapsed)
         frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim)
         for name, drawing in self.drawings.items():
