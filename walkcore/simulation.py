@@ -79,17 +79,38 @@ class Simulation:
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self._driver = None if self.body is None else BodyDriver(self.robot, self.body, self.parameters, world, stages)
         self._twin: Simulation | None = None
+        self._spare_twin: Simulation | None = None
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
-        self._twin = self._new_twin()
+        self._switch_twin()
 
-    def _new_twin(self) -> "Simulation | None":
-        """The ideal robot beside this one, where one is wanted and this one is not ideal itself."""
-        if not self.parameters.twin or self._driver is None or self._driver.is_ideal:
-            return None
-        twin = Simulation(self.robot, replace(self.parameters, plant="ideal", twin=False))
-        twin.restore(self.state)
-        return twin
+    def keep_twin_ready(self) -> None:
+        """Build the twin that may be wanted later, so that no tick of a walk waits for it."""
+        if self._twin is None and self._spare_twin is None and self._driver is not None and not self._driver.is_ideal:
+            self._spare_twin = Simulation(self.robot, self._parameters_of_twin)
+
+    @property
+    def _parameters_of_twin(self) -> Parameters:
+        return replace(self.parameters, plant="ideal", twin=False)
+
+    def _switch_twin(self, sets: CaptureSets | None = None) -> None:
+        """Let the ideal robot walk beside this one, or no longer; where this one is ideal itself there is none.
+
+        Args:
+            sets: as of `change`.
+        """
+        if not self.parameters.twin:
+            self._spare_twin, self._twin = self._twin or self._spare_twin, None
+            return
+        twin = self._twin
+        if twin is None:
+            self.keep_twin_ready()
+            twin, self._spare_twin = self._spare_twin, None
+            if twin is not None:
+                twin.restore(self.state)
+        if twin is not None and twin.parameters != self._parameters_of_twin:
+            twin.change(self._parameters_of_twin, sets)
+        self._twin = twin
 
     def change(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
         """Walk on with other parameters; a step under way keeps its duration.
@@ -106,10 +127,7 @@ class Simulation:
         self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
         self._step_timing = self._make_step_timing()
-        if self._twin is not None and parameters.twin:
-            self._twin.change(replace(parameters, plant="ideal", twin=False))
-        elif self._twin is None or not parameters.twin:
-            self._twin = self._new_twin()
+        self._switch_twin(sets)
 
     def _make_step_timing(self) -> AdaptiveTiming | None:
         """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
@@ -261,7 +279,7 @@ class Simulation:
         """
         ghost = copy(self)
         ghost._feet, ghost.body, ghost._driver, ghost._stages = dict(self._feet), None, None, UNTIMED
-        ghost._twin = None
+        ghost._twin = ghost._spare_twin = None
         return ghost.step(command)
 
     def _pushed(self, push: Push | None) -> tuple[Vector, tuple[ExternalForce, ...]]:
