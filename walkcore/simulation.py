@@ -31,7 +31,7 @@ from walkcore.parameters import Parameters
 from walkcore.plant.driver import BodyDriver
 from walkcore.plant.fall_watch import FallSigns, LastPush, has_fallen, is_tilted, phase_in_words
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
-from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
+from walkcore.plant.stabilizer import PlanarTransform, anchoring, catch_up, commanded_cop, dcm_error, is_clipped
 from walkcore.plant.world import PERFECT, World
 from walkcore.robot import Robot, load_robot
 from walkcore.snapshot import GivenPush, PlantTick, Snapshot
@@ -239,16 +239,23 @@ class Simulation:
             if impulse is not NO_IMPULSE:
                 self._com = self._com.pushed(impulse / self.robot.mass)
             return None
-        contact, error = driver.plant.ground(), np.zeros(2)
+        contact, error, caught_up = driver.plant.ground(), np.zeros(2), NO_IMPULSE
         assert contact is not None
         if not self._why_fallen:
             if self._gait.begins_step(self._tick):
                 self._move_model(anchoring(self._feet[self._support_side], measured.soles[self._support_side]))
             error = driver.late(self._dcm_error(driver, measured, contact))
-            self._com = followed(self._com, error, self._generator.pendulum.omega, self.parameters.control_period)
+            caught_up = self._catch_up(error)
             self._watch_for_fall(measured)
         self._stages.lap("plant")
-        return PlantTick(measured, contact, freeze(error), driver.q)
+        return PlantTick(measured, contact, freeze(error), driver.q, caught_up)
+
+    def _catch_up(self, error: Vector) -> Vector:
+        """Let the model follow the body, and return the velocity that it takes over [m/s], shape (2,)."""
+        pendulum, stance = self._generator.pendulum, self._stance(self._gait.at(self._tick))
+        velocity = catch_up(pendulum.cop(self._com), error, stance, pendulum.omega, self.parameters.control_period)
+        self._com = self._com.pushed(velocity)
+        return freeze(velocity)
 
     @property
     def _support_side(self) -> Side:
@@ -527,7 +534,8 @@ class Simulation:
         on_ground, plant = [foot.side for foot in snapshot.stance.feet], snapshot.plant
         if plant is not None:
             command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance)
-            dynamics = driver.drive(self._body_target(), on_ground, NO_IMPULSE, forces, command)
+            has_already = self.robot.mass * plant.caught_up / self.parameters.control_period
+            dynamics = driver.drive(self._body_target(), on_ground, has_already, forces, command)
             driver.signs = self._signs_of_fall(driver, snapshot, plant, dynamics)
             plant = replace(plant, commanded_cop=dynamics.commanded_cop)
             return replace(snapshot, true_cop=dynamics.true_cop, plant=plant)
