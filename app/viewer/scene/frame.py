@@ -11,6 +11,7 @@ import viser
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.stance import Side
+from walkcore.plant.world import PERFECT, World
 from walkcore.snapshot import GivenPush
 from walkcore.values import Vector
 
@@ -112,6 +113,8 @@ class Frame:
     has_lines: bool
     """Whether lines are sent in this frame."""
     aim: Aim | None = None
+    world: World = PERFECT
+    """World that the robot walks in."""
 
 
 class Drawing(Protocol):
