@@ -17,11 +17,11 @@ from pathlib import Path
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 PERIOD = 0.1  # [s] between pictures
 CONTROL_PERIOD = 0.005  # [s]
-SIZE = {"width": 1160, "height": 800}  # pixels of the window
+SIZE: ViewportSize = {"width": 1160, "height": 800}  # pixels of the window
 WIDTH = 780  # pixels of the film
 CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 SETTLE = 400  # [ms] in which the picture follows a step
