@@ -101,7 +101,7 @@ def test_the_mouse_walks_the_robot_backward_in_physics_until_it_lets_go(visit, a
         wait_for(lambda: live(api)["measured_com_x"] < begin - 0.3)
         mouse.lift()
         wait_for_reference(api)
-        wait_for(lambda: live(api)["steps_to_stand"] == 0)
+        wait_for(lambda: live(api)["phase"] == 0)
         state = live(api)
         assert state["status"] == 0 and abs(state["measured_com_vx"]) < 0.05
         assert state["left_force"] + state["right_force"] == pytest.approx(90.27 * 9.81, rel=0.1)
