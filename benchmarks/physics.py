@@ -15,7 +15,7 @@ import numpy as np
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot, load_robot
 from walkcore.mpc.plan import Status
-from walkcore.plant.world import World
+from walkcore.plant.world import PERFECT, World
 
 TALOS = load_robot("talos")
 PHYSICS = Parameters(plant="mujoco", dynamic_filter=True, initial_double_support_duration=0.3)
@@ -33,6 +33,8 @@ MIXED = [  # (s, reference): turns, sideways, backwards, stop, start
     (54.0, AHEAD),
 ]
 NB_PUSHES = 16
+AT_COM = {"link": "torso_2_joint", "point": [0.0, 0.0, -0.21]}
+"""Place of a push as high as the CoM, where the model is pushed; the torso is pushed 0.38 m above it."""
 WORLDS = {
     "10 ms delay": World(delay=0.01),
     "mass +5 %": World(mass_error=0.05),
@@ -117,30 +119,60 @@ def walk(duration: float, world: World, references: list[tuple[float, Reference]
     )
 
 
-def survives(number: int, strength: float, is_walking: bool, parameters: Parameters, world: World) -> bool:
-    """Whether Talos is up 6 s after a push of a direction and phase of the gait that follow from its number."""
-    robot = TALOS if parameters.plant == "mujoco" else replace(TALOS, body=None)
-    simulation = Simulation(robot, parameters, world=world)
-    angle, at = 2 * math.pi * (number * 5 % NB_PUSHES) / NB_PUSHES, 600 + number * 23 % 160 if is_walking else 600
-    push = Push([strength * math.cos(angle), strength * math.sin(angle)], frame="world")
-    for tick in range(at + 1200):
-        snapshot: Snapshot = simulation.step(
-            Command(AHEAD if is_walking else Reference(), push if tick == at else None)
-        )
-        if snapshot.status is Status.FALLEN:
-            return False
-    return True
+@dataclass(frozen=True)
+class PushTest:
+    """Pushes of varied direction and phase of the gait."""
+
+    strength: float
+    """[N s]."""
+    is_walking: bool
+    step_timing: str = "fixed"
+    is_at_com: bool = False
+    """Whether the body is pushed as high as its CoM, instead of at the CoM of its torso."""
+    world: World = PERFECT
+
+    def survives(self, number: int, plant: str) -> bool:
+        """Whether Talos is up 6 s after a push of a direction and phase that follow from its number."""
+        is_ideal = plant == "ideal"
+        parameters = replace(IDEAL if is_ideal else PHYSICS, step_timing=self.step_timing)
+        robot, world = (replace(TALOS, body=None), PERFECT) if is_ideal else (TALOS, self.world)
+        simulation, place = Simulation(robot, parameters, world=world), AT_COM if self.is_at_com else {}
+        angle, at = 2 * math.pi * (number * 5 % NB_PUSHES) / NB_PUSHES, 600 + number * 23 % 160 * self.is_walking
+        impulse = [self.strength * math.cos(angle), self.strength * math.sin(angle)]
+        push = Push(impulse, frame="world", **({} if is_ideal else place))
+        for tick in range(at + 1200):
+            reference = AHEAD if self.is_walking else Reference()
+            snapshot: Snapshot = simulation.step(Command(reference, push if tick == at else None))
+            if snapshot.status is Status.FALLEN:
+                return False
+        return True
+
+    def row(self, pool: ProcessPoolExecutor) -> str:
+        """The line of the table."""
+        tries = [
+            [pool.submit(self.survives, number, plant) for number in range(NB_PUSHES)] for plant in ("mujoco", "ideal")
+        ]
+        real, ideal = (sum(future.result() for future in one) for one in tries)
+        how = f"{'walking' if self.is_walking else 'standing'}, {self.step_timing} timing"
+        where = ", as high as the CoM" * self.is_at_com + ", noise" * (self.world.sensors == "noisy")
+        return f"{self.strength:.0f} N s, {how}{where}: {real} of {NB_PUSHES} survived (ideal model: {ideal})"
 
 
 def rows(pool: ProcessPoolExecutor, wanted: set[str]) -> Iterator[str]:
     """The lines of the table, each as soon as it is known."""
-    flat = World()
+    flat = PERFECT
     if "straight" in wanted:
         yield f"60 s at 0.3 m/s: {pool.submit(walk, 60.0, flat, [(0.0, AHEAD)], {}).result()}"
     if "mixed" in wanted:
         yield f"60 s mixed: {pool.submit(walk, 60.0, flat, MIXED, {}).result()}"
     if "pushes" in wanted:
-        yield from _pushes(pool, flat, (12.0, 20.0, 30.0))
+        for is_walking in (True, False):
+            for strength in (12.0, 20.0, 30.0):
+                yield PushTest(strength, is_walking).row(pool)
+    if "adaptive" in wanted:
+        for is_at_com in (False, True):
+            for strength in (20.0, 30.0):
+                yield PushTest(strength, True, "adaptive", is_at_com).row(pool)
     if "worlds" in wanted:
         two = {1200: Push([0.0, 9.0], frame="world"), 2420: Push([9.0, 0.0], frame="world")}
         walks = {name: pool.submit(walk, 20.0, world, [(0.0, AHEAD)], two) for name, world in WORLDS.items()}
@@ -149,27 +181,13 @@ def rows(pool: ProcessPoolExecutor, wanted: set[str]) -> Iterator[str]:
     if "noise" in wanted:
         noisy = World(sensors="noisy")
         yield f"noise and an estimator, 60 s: {pool.submit(walk, 60.0, noisy, [(0.0, AHEAD)], {}).result()}"
-        yield from _pushes(pool, noisy, (12.0,))
+        for is_walking in (True, False):
+            yield PushTest(12.0, is_walking, world=noisy).row(pool)
     if "far" in wanted:
         yield f"100 m: {pool.submit(walk, 340.0, flat, [(0.0, AHEAD)], {}).result()}"
 
 
-def _pushes(pool: ProcessPoolExecutor, world: World, strengths: tuple[float, ...]) -> Iterator[str]:
-    name = "noise, " if world.sensors == "noisy" else ""
-    for is_walking in (True, False):
-        for strength in strengths:
-            counts = []
-            for parameters, where in ((PHYSICS, world), (IDEAL, World())):
-                tries = [
-                    pool.submit(survives, number, strength, is_walking, parameters, where)
-                    for number in range(NB_PUSHES)
-                ]
-                counts.append(sum(future.result() for future in tries))
-            how = "walking" if is_walking else "standing"
-            yield f"{name}{strength:.0f} N s, {how}: {counts[0]} of {NB_PUSHES} survived (ideal model: {counts[1]})"
-
-
-ROWS = ("straight", "mixed", "pushes", "worlds", "noise", "far")
+ROWS = ("straight", "mixed", "pushes", "adaptive", "worlds", "noise", "far")
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -135,7 +135,7 @@ def test_drag_in_physics_pulls_the_held_link_by_a_spring_until_it_ends(viser_ser
     runner = HeldRobot()
     scene = Scene(viser_server, runner.robot, LIGHT)
     scene.draw(runner.latest.snapshot, Parameters(), 0.0)
-    points = LinkPoints(runner.robot.body, scene.links, lambda: scene.origin)
+    points = LinkPoints(runner.robot.body, scene.links, lambda: (scene.rotation, scene.origin))
     node = next(name for name, link in scene.links.items() if link == "arm_left_7_joint")
     dragger = Dragger(DragPush(viser_server, runner, scene.draggable, points), node)
     wrist = points.in_scene("arm_left_7_joint", np.array([0.0, 0.0, -0.1]), runner.latest.snapshot)

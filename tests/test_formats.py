@@ -18,8 +18,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from app.formats import FORMATS, unit, write_run
-from walkcore import record
-from walkcore.scenario.recording import Recording
+from walkcore import Simulation, record
+from walkcore.mpc.stance import Side
+from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.replay import replayed
 from walkcore.scenario.scenario import scenario_from_mapping
 
@@ -148,6 +149,42 @@ def test_snapshots_of_a_recording_are_those_it_was_made_of(recording):
         assert [f.side for f in s.plan.footholds] == [s.support.side.other, s.support.side][: len(s.plan.footholds)]
         if k + 1 < len(recording.rows):  # no push there
             assert s.plan.com[0, 0] == pytest.approx(recording["com_x"][k + 1], abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def physics():
+    """A walk in contact physics with an ideal twin, and the snapshots that it was made of."""
+    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+    parameters = {"plant": "mujoco", "twin": True, "initial_double_support_duration": 0.1}
+    events = [{"t": 0.0, "reference": {"vx": 0.3}}]
+    scenario = scenario_from_mapping({"duration": 0.5, "parameters": parameters, "events": events})
+    simulation = Simulation(scenario.robot, scenario.parameters)
+    snapshots = [simulation.step(command) for command in scenario.commands()]
+    return collect(scenario, snapshots, simulation.body), snapshots
+
+
+def test_robot_and_twin_are_replayed_as_they_were_measured(physics):
+    recording, snapshots = physics
+    for again in replayed(recording, every=9):
+        lived = snapshots[again.tick]
+        for one, other in ((again, lived), (again.twin, lived.twin)):
+            np.testing.assert_array_equal(one.q, other.q)
+            np.testing.assert_array_equal(one.com.position, other.com.position)
+            assert one.right_foot.height == other.right_foot.height
+        now, then = again.plant, lived.plant
+        np.testing.assert_array_equal(now.q_commanded, then.q_commanded)
+        np.testing.assert_array_equal(now.measured.com, then.measured.com)
+        np.testing.assert_array_equal(now.dcm_error, then.dcm_error)
+        for side in Side:
+            np.testing.assert_array_equal(now.measured.soles[side].position, then.measured.soles[side].position)
+            assert now.contact.forces[side] == then.contact.forces[side]
+        assert (now.contact.cop is None) == (then.contact.cop is None)
+
+
+def test_every_column_of_physics_has_its_unit(physics):
+    units = {name: unit(name) for name in physics[0].columns}
+    assert units["left_force"] == "N" and units["measured_com_vx"] == "m/s" and units["twin_status"] == ""
+    assert units["q_commanded_9"] == units["twin_q_9"] == "rad" and units["twin_q_3"] == ""
 
 
 def test_the_replay_is_one_page_that_holds_everything(folder):

@@ -1,6 +1,7 @@
 """The live walk with contact physics: the choice of the plant, changes of plant, twin and world, and what is kept."""
 
 import sys
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, load_robot, record
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
+from walkcore.mpc.supports import CaptureSets, capture_sets
 from walkcore.plant.world import PERFECT
 
 pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
@@ -85,6 +87,24 @@ def test_a_twin_comes_and_goes_during_the_walk_and_the_difference_is_told(contro
     assert state.snapshot.status is Status.FALLEN and "fell" in state.twin_difference
     control.change({"twin": False})
     assert control.step(1).twin_difference == ""
+
+
+def test_no_tick_waits_for_a_twin_to_be_built(control, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("computed between two ticks")
+
+    parameters = control.parameters.changed({"twin": True, "cop_margin": 0.025})
+    sets = capture_sets(TALOS, parameters)
+    control.step(10)
+    monkeypatch.setattr("walkcore.simulation.WholeBody", refuse)
+    monkeypatch.setattr("walkcore.mpc.supports.capture_sets", refuse)
+    for field in fields(CaptureSets):
+        control.prepare(1, field.name, getattr(sets, field.name))
+    for values in ({"twin": True, "cop_margin": 0.025}, {"twin": False}, {"twin": True}):
+        control.change(values, 1)
+        state = control.step(5)
+        assert (state.snapshot.twin is not None) is values["twin"]
+        assert state.twin_difference == ("both are up, 0 cm from each other" if values["twin"] else "")
 
 
 def test_a_walk_in_a_world_with_a_twin_that_came_later_is_saved_and_replayed_to_the_same_bytes(control):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from conftest import PATIENCE, Server, start_server, wait_for
+from conftest import PATIENCE, Server, serving, start_server, wait_for
 from playwright.sync_api import Browser, Page, Route, expect
 from pointers import Finger, Mouse, centre
 
@@ -86,6 +86,25 @@ def test_keys_drive_while_the_scene_has_the_focus(visit, api):
     wait_for_reference(api, yaw_rate=1)
     page.keyboard.up("j")
     wait_for_reference(api)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("across", [0, 25])
+def test_the_mouse_walks_the_robot_backward_in_physics_until_it_lets_go(visit, across):
+    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+    with serving("--scene", "light", "--plant", "mujoco") as server, server.client() as api:
+        page = visit(server.url)
+        mouse, (x, y) = Mouse(page), centre(page.get_by_test_id("joystick"))
+        begin = live(api)["measured_com_x"]
+        mouse.drag((x, y), (x + across, y + 60))
+        wait_for_reference(api, vx=-1, **({"vy": -1} if across else {}))
+        wait_for(lambda: live(api)["measured_com_x"] < begin - 0.3)
+        mouse.lift()
+        wait_for_reference(api)
+        wait_for(lambda: live(api)["phase"] == 0)
+        state = live(api)
+        assert state["status"] == 0 and abs(state["measured_com_vx"]) < 0.05
+        assert state["left_force"] + state["right_force"] == pytest.approx(90.27 * 9.81, rel=0.1)
 
 
 def test_zero_stops_a_held_key_until_the_next_touch(visit, api):

@@ -1,12 +1,13 @@
 """Contact physics behind the simulation: forces, falls, determinism, and exact restoring."""
 
 import json
+import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, record
+from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot, load_scenario, record
 from walkcore.errors import InvalidValueError
 from walkcore.motion.body_model import load_model
 from walkcore.mpc.plan import Status
@@ -186,6 +187,15 @@ def test_a_world_needs_contact_physics_and_physics_a_body():
         scenario_from_mapping({"robot": "hrp2", "duration": 1.0, "parameters": {"plant": "mujoco"}})
 
 
+def test_without_the_package_physics_is_refused_in_words(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    for module in ("mujoco_plant", "mujoco_model"):
+        monkeypatch.delitem(sys.modules, f"walkcore.plant.{module}", raising=False)
+    with pytest.raises(InvalidValueError, match="needs the package mujoco-core, which is not installed here"):
+        Simulation(TALOS, PHYSICS)
+    assert Simulation(TALOS, PHYSICS.changed({"plant": "ideal"})).step(AHEAD).status is Status.SOLVED
+
+
 @pytest.mark.exhaustive
 @pytest.mark.timeout(3000)
 def test_nothing_blows_up_at_any_push_that_is_allowed():
@@ -197,3 +207,18 @@ def test_nothing_blows_up_at_any_push_that_is_allowed():
         push = Push([strength * np.cos(angle), strength * np.sin(angle)], duration=float(rng.choice([0.0, 0.1])))
         snapshots = walk(simulation, 400, {at: push})
         assert np.all(np.isfinite(numbers(snapshots)))
+
+
+@pytest.mark.exhaustive
+@pytest.mark.timeout(3000)
+def test_all_that_a_joystick_can_ask_for_is_walked_as_fast_as_by_the_model():
+    recording = record(load_scenario("turns-and-stops").on_plant("mujoco", twin=True))
+    metrics = recording.metrics()
+    assert recording.reason == "" and metrics["ground_cop_error_p95"] < 0.03 and metrics["dcm_error"] < 0.015
+    at = {t: round(t / 0.005) for t in (3.0, 7.0, 18.0, 21.0, 24.0, 26.0)}
+    for start, end in ((3.0, 7.0), (18.0, 21.0), (24.0, 26.0)):
+        robot, twin = (
+            np.hypot(*(recording[f"{com}_{c}"][at[end]] - recording[f"{com}_{c}"][at[start]] for c in "xy"))
+            for com in ("measured_com", "twin_com")
+        )
+        assert robot == pytest.approx(twin, rel=0.05)

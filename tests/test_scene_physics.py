@@ -1,17 +1,23 @@
 """Truth of the scene with contact physics: what is drawn is what was measured."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scene_reader import latest
 
 from app.viewer import LIGHT
 from app.viewer.panel.plots_tab import PLOTS, plotted
 from app.viewer.scene.foot_forces import HEIGHT_OF_WEIGHT
+from app.viewer.scene.link_points import LinkPoints
 from app.viewer.scene.scene import WORLD, Scene
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.stance import Side
+from walkcore.plant.world import World
 
 pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+
+from walkcore.plant.mujoco_model import build  # noqa: E402 (needs the package)
 
 PHYSICS = Parameters(plant="mujoco", twin=True, dynamic_filter=True, initial_double_support_duration=0.3)
 
@@ -59,6 +65,39 @@ def test_without_physics_nothing_of_it_is_drawn(scene, walked):
     visible = latest(scene.updates, "visible")
     nodes = ("commanded/body", "twin/body", "ground_cop/dot", "measured_dcm/dot", "forces/left", "forces/right")
     assert not any(visible[f"{WORLD}/{node}"] for node in nodes)
+
+
+def test_strips_are_drawn_where_the_plant_has_them_and_not_in_the_perfect_world(scene, walked):
+    model = build(load_robot("talos"), WholeBody(load_robot("talos").body).model, World(strip_height=0.02), 9.81).model
+    boxes = [k for k in range(model.ngeom) if model.geom_type[k] == 6 and model.geom_bodyid[k] == 0]
+    tops = {round(float(model.geom_pos[k][0]), 6): model.geom_size[k] + model.geom_pos[k] for k in boxes}
+    scene.draw(walked[-1], PHYSICS, 1 / 30, world=World(strip_height=0.02))
+    node = f"{WORLD}/strips/mesh"
+    corners = latest(scene.updates, "vertices")[node].reshape(-1, 8, 3)
+    assert latest(scene.updates, "visible")[node] and len(corners) == 24
+    for strip in corners:
+        middle = round(float(strip[:, 0].mean()), 6)
+        assert strip[:, 0].max() == pytest.approx(tops[middle][0])
+        assert strip[:, 2].max() == pytest.approx(tops[middle][2])
+    scene.draw(walked[-1], PHYSICS, 1 / 30)
+    assert not latest(scene.updates, "visible")[node]
+
+
+def test_ground_that_rises_is_drawn_so_and_a_held_point_stays_where_it_is(scene, walked):
+    snapshot, points = (
+        walked[-1],
+        LinkPoints(load_robot("talos").body, scene.links, lambda: (scene.rotation, scene.origin)),
+    )
+    scene.draw(snapshot, PHYSICS, 1 / 30, world=World(slope=0.1))
+    ahead = scene.rotation @ [1.0, 0.0, 0.0]
+    assert ahead[2] == pytest.approx(np.sin(0.1)) and ahead[0] > 0.9
+    w, x, y, z = latest(scene.updates, "wxyz")[WORLD]
+    np.testing.assert_allclose(pin.Quaternion(w, x, y, z).matrix(), scene.rotation, atol=1e-4)
+    assert latest(scene.updates, "position")[WORLD] == pytest.approx(scene.origin, abs=1e-5)
+    node, link = next(iter(scene.links.items()))
+    held = np.array([0.2, 0.1, 0.9])
+    _, point = points.grabbed(node, held, snapshot)
+    assert points.in_scene(link, point, snapshot) == pytest.approx(held)
 
 
 def test_plots_hold_the_contact_cop_the_dcm_error_and_the_forces(walked):

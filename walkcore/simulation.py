@@ -31,7 +31,7 @@ from walkcore.parameters import Parameters
 from walkcore.plant.driver import BodyDriver
 from walkcore.plant.fall_watch import FallSigns, LastPush, has_fallen, is_tilted, phase_in_words
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
-from walkcore.plant.stabilizer import PlanarTransform, anchoring, commanded_cop, dcm_error, followed, is_clipped
+from walkcore.plant.stabilizer import PlanarTransform, anchoring, catch_up, commanded_cop, dcm_error, is_clipped
 from walkcore.plant.world import PERFECT, World
 from walkcore.pushes import NO_IMPULSE, Pushes
 from walkcore.robot import Robot
@@ -79,17 +79,38 @@ class Simulation:
         self.body = WholeBody(self.robot.body) if self.robot.body is not None else None
         self._driver = None if self.body is None else BodyDriver(self.robot, self.body, self.parameters, world, stages)
         self._twin: Simulation | None = None
+        self._spare_twin: Simulation | None = None
         self._max_foot_speed = (*self.robot.max_foot_speed.tolist(), self.robot.max_foot_yaw_rate)
         self.reset()
-        self._twin = self._new_twin()
+        self._switch_twin()
 
-    def _new_twin(self) -> "Simulation | None":
-        """The ideal robot beside this one, where one is wanted and this one is not ideal itself."""
-        if not self.parameters.twin or self._driver is None or self._driver.is_ideal:
-            return None
-        twin = Simulation(self.robot, replace(self.parameters, plant="ideal", twin=False))
-        twin.restore(self.state)
-        return twin
+    def keep_twin_ready(self) -> None:
+        """Build the twin that may be wanted later, so that no tick of a walk waits for it."""
+        if self._twin is None and self._spare_twin is None and self._driver is not None and not self._driver.is_ideal:
+            self._spare_twin = Simulation(self.robot, self._parameters_of_twin)
+
+    @property
+    def _parameters_of_twin(self) -> Parameters:
+        return replace(self.parameters, plant="ideal", twin=False)
+
+    def _switch_twin(self, sets: CaptureSets | None = None) -> None:
+        """Let the ideal robot walk beside this one, or no longer; where this one is ideal itself there is none.
+
+        Args:
+            sets: as of `change`.
+        """
+        if not self.parameters.twin:
+            self._spare_twin, self._twin = self._twin or self._spare_twin, None
+            return
+        twin = self._twin
+        if twin is None:
+            self.keep_twin_ready()
+            twin, self._spare_twin = self._spare_twin, None
+            if twin is not None:
+                twin.restore(self.state)
+        if twin is not None and twin.parameters != self._parameters_of_twin:
+            twin.change(self._parameters_of_twin, sets)
+        self._twin = twin
 
     def change(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
         """Walk on with other parameters; a step under way keeps its duration.
@@ -106,10 +127,7 @@ class Simulation:
         self._gait = self._gait.with_timing(parameters.timing, self._tick)
         self.parameters, self._generator = parameters, generator
         self._step_timing = self._make_step_timing()
-        if self._twin is not None and parameters.twin:
-            self._twin.change(replace(parameters, plant="ideal", twin=False))
-        elif self._twin is None or not parameters.twin:
-            self._twin = self._new_twin()
+        self._switch_twin(sets)
 
     def _make_step_timing(self) -> AdaptiveTiming | None:
         """None for steps of fixed duration, and for a scheme whose QP does not choose the footholds."""
@@ -221,16 +239,23 @@ class Simulation:
             if impulse is not NO_IMPULSE:
                 self._com = self._com.pushed(impulse / self.robot.mass)
             return None
-        contact, error = driver.plant.ground(), np.zeros(2)
+        contact, error, caught_up = driver.plant.ground(), np.zeros(2), NO_IMPULSE
         assert contact is not None
         if not self._why_fallen:
             if self._gait.begins_step(self._tick):
                 self._move_model(anchoring(self._feet[self._support_side], measured.soles[self._support_side]))
             error = driver.late(self._dcm_error(driver, measured, contact))
-            self._com = followed(self._com, error, self._generator.pendulum.omega, self.parameters.control_period)
+            caught_up = self._catch_up(error)
             self._watch_for_fall(measured)
         self._stages.lap("plant")
-        return PlantTick(measured, contact, freeze(error), driver.q)
+        return PlantTick(measured, contact, freeze(error), driver.q, caught_up)
+
+    def _catch_up(self, error: Vector) -> Vector:
+        """Let the model follow the body, and return the velocity that it takes over [m/s], shape (2,)."""
+        pendulum, stance = self._generator.pendulum, self._stance(self._gait.at(self._tick))
+        velocity = catch_up(pendulum.cop(self._com), error, stance, pendulum.omega, self.parameters.control_period)
+        self._com = self._com.pushed(velocity)
+        return freeze(velocity)
 
     @property
     def _support_side(self) -> Side:
@@ -261,7 +286,7 @@ class Simulation:
         """
         ghost = copy(self)
         ghost._feet, ghost.body, ghost._driver, ghost._stages = dict(self._feet), None, None, UNTIMED
-        ghost._twin = None
+        ghost._twin = ghost._spare_twin = None
         return ghost.step(command)
 
     def _pushed(self, push: Push | None) -> tuple[Vector, tuple[ExternalForce, ...]]:
@@ -502,7 +527,8 @@ class Simulation:
         on_ground, plant = [foot.side for foot in snapshot.stance.feet], snapshot.plant
         if plant is not None:
             command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance)
-            dynamics = driver.drive(self._body_target(), on_ground, NO_IMPULSE, forces, command)
+            has_already = self.robot.mass * plant.caught_up / self.parameters.control_period
+            dynamics = driver.drive(self._body_target(), on_ground, has_already, forces, command)
             driver.signs = self._signs_of_fall(driver, snapshot, plant, dynamics)
             plant = replace(plant, commanded_cop=dynamics.commanded_cop)
             return replace(snapshot, true_cop=dynamics.true_cop, plant=plant)

@@ -24,6 +24,8 @@ class PlantTick:
     """DCM of the body against the model's, as the stabiliser sees it [m], shape (2,)."""
     q_commanded: Vector
     """Configuration that is commanded, in Pinocchio's order, shape (nq,)."""
+    caught_up: Vector
+    """Velocity that the model has taken over from the body at this tick [m/s], shape (2,)."""
     commanded_cop: Vector | None = None
     """CoP that the joint torques are to produce, world frame [m], shape (2,); None of a body that has fallen."""
 

@@ -24,6 +24,7 @@ RIGHT_FOOT: Colour = (122, 125, 130)
 GRID_CELL: Colour = (132, 136, 142)
 GRID_SECTION: Colour = (112, 117, 124)
 GROUND: Colour = (128, 134, 142)
+STRIP: Colour = (158, 132, 96)  # wood
 FALLEN: Colour = (132, 44, 42)  # mixed into the robot's own colours
 
 # Materials of the URDF, whose own greys are too close to tell the parts of the robot apart.

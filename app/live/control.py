@@ -75,6 +75,7 @@ class Control:
         self._stopwatch = Stopwatch(clock)
         world = PERFECT if resumed is None else resumed.world
         self._simulation = Simulation(robot, parameters, self._stopwatch, world=world)
+        self._simulation.keep_twin_ready()
         self._scheduler = TickScheduler(parameters.control_period, clock)
         self._is_started = False
         self._command, self._commanded_at = NO_REFERENCE, 0.0
@@ -257,6 +258,7 @@ class Control:
         if simulation is None:
             self._publish(self.latest)
             return self.parameters
+        simulation.keep_twin_ready()
         self._log.reset(simulation)
         self._simulation, self.parameters = simulation, parameters
         self._begin()

@@ -23,12 +23,13 @@ td { font-variant-numeric: tabular-nums; } svg { max-width: 100%; height: auto; 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading with a table, figures, or both."""
+    """A heading with a sentence, a table, figures, or all of them."""
 
     title: str
     rows: Rows
     figures: tuple[str, ...] = ()
     """Names of files, without their ending."""
+    sentence: str = ""
 
 
 def write_report(run: StoredRun, out: Path) -> tuple[Path, Path]:
@@ -43,6 +44,7 @@ def write_report(run: StoredRun, out: Path) -> tuple[Path, Path]:
     sections = [
         Section("What was run", tables.facts(run)),
         Section("Expectations", tables.expectation_rows(run)),
+        *_twin_section(out, run),
         Section("Walk", [], ("above", *times)),
         Section("Metrics", tables.metric_rows(run)),
         Section("Steady walking", tables.steady_rows(run)),
@@ -50,6 +52,16 @@ def write_report(run: StoredRun, out: Path) -> tuple[Path, Path]:
         Section("Joints: share of the limits of the URDF", tables.joint_rows(run)),
     ]
     return _write(out, "report", run.name, run.description, sections)
+
+
+def _twin_section(out: Path, run: StoredRun) -> list[Section]:
+    """The robot in physics and its ideal twin, where there is one."""
+    rows, told = tables.twin_rows(run), str(run.metrics.get("twin_difference") or "")
+    if len(rows) == 1:
+        return []
+    pictures.draw_pair(out / "pair", run)
+    pictures.draw_distance(out / "distance", run)
+    return [Section("Robot and ideal twin", rows, ("pair", "distance"), f"{told[:1].upper()}{told[1:]}.")]
 
 
 def write_comparison(runs: Sequence[StoredRun], names: Sequence[str], out: Path) -> tuple[Path, Path]:
@@ -99,7 +111,7 @@ def _write(out: Path, name: str, title: str, text: str, sections: Sequence[Secti
 def _markdown(title: str, text: str, sections: Sequence[Section]) -> str:
     parts = [f"# {_plain(title)}", _plain(text)]
     for section in sections:
-        parts.append(f"## {section.title}")
+        parts += [f"## {section.title}", _plain(section.sentence)]
         if section.rows:
             head, *body = [[_plain(cell).replace("|", "\\|") for cell in row] for row in section.rows]
             lines = [head, ["---"] * len(head), *body]
@@ -118,6 +130,7 @@ def _html(out: Path, title: str, text: str, sections: Sequence[Section]) -> str:
     parts = [f"<h1>{escape(title)}</h1>", f"<p>{escape(text)}</p>" if text else ""]
     for section in sections:
         parts.append(f"<h2>{escape(section.title)}</h2>")
+        parts += [f"<p>{escape(section.sentence)}</p>"] if section.sentence else []
         if section.rows:
             parts.append(_html_table(section.rows))
         parts += [f"<figure>{_svg(out / f'{figure}.svg', figure)}</figure>" for figure in section.figures]

@@ -44,6 +44,34 @@ def draw_above(path: Path, run: StoredRun) -> None:
         legend(axes, [*(sole_key(side) for side in Side), *_named(axes)])
 
 
+def draw_pair(path: Path, run: StoredRun) -> None:
+    """Draw the CoM and the contact CoP of the robot in physics, and the CoM of its ideal twin, from above."""
+    low_x, high_x, low_y, high_y = extent(run)
+    height = min(1.05 + (WIDTH - 0.7) * (high_y - low_y) / (high_x - low_x), HIGHEST)
+    series = (
+        ("ground_cop", palette.GROUND_COP, 0.6, "contact CoP"),
+        ("measured_com", palette.COM, 1.5, "CoM of the robot"),
+        ("twin_com", palette.LEFT_FOOT, 1.5, "CoM of the twin"),
+    )
+    with figure(path, SVG, height) as axes:
+        for side in Side:
+            draw_feet(axes, run, side)
+        for name, colour, width, label in series:
+            axes.plot(*points(run, name).T, color=ink(colour), linewidth=width, label=label)
+        _draw_pushes(axes, run)
+        axes.set(xlim=(low_x, high_x), ylim=(low_y, high_y), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+        axes.set_title("Robot and ideal twin from above", pad=22)
+        legend(axes, _named(axes))
+
+
+def draw_distance(path: Path, run: StoredRun) -> None:
+    """Draw the distance between the CoMs of the robot in physics and of its ideal twin."""
+    with figure(path, SVG, SPEED_HEIGHT) as axes:
+        distance = np.hypot(*(points(run, "measured_com") - points(run, "twin_com")).T)
+        axes.plot(run["t"], 100 * distance, color=ink(palette.COM), label="from CoM to CoM")
+        _finish(axes, [run], "From the robot to its ideal twin", "[cm]")
+
+
 def _draw_pushes(axes: Axes, run: StoredRun) -> None:
     for first, end in push_rows(run):
         push = points(run, "push")[first:end].sum(axis=0)

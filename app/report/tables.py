@@ -3,7 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from app.formats import StoredRun
+from walkcore.analysis.columns import has_column, points
+from walkcore.analysis.twin import twin_steps
+from walkcore.mpc.plan import Status
 from walkcore.scenario.expectations import METRICS
 
 Rows = list[list[str]]
@@ -54,6 +59,29 @@ def expectation_rows(run: StoredRun) -> Rows:
     return [["expectation", "bound", "measured", ""], *rows]
 
 
+def twin_rows(run: StoredRun) -> Rows:
+    """The robot in physics beside its ideal twin; only the head without one."""
+    rows: Rows = [["", "robot in physics", "ideal twin"]]
+    if not has_column(run, "twin_status"):
+        return rows
+    period, falls, ends = float(run.parameters["control_period"]), [], []
+    for status, com in (("status", "measured_com"), ("twin_status", "twin_com")):
+        fallen = np.flatnonzero(run[status] == Status.FALLEN)
+        falls.append(f"after {fallen[0] * period:.2f} s" if len(fallen) else "no")
+        x, y = points(run, com)[np.isfinite(run[f"{com}_x"])][-1]
+        ends.append(f"{x:.2f}, {y:.2f}")
+    landed = twin_steps(run)
+    rows += [["fallen", *falls], ["CoM at the end, x, y [m]", *ends], ["steps", str(len(landed)), ""]]
+    if len(landed):
+        k, feet, twin_feet = landed[-1]
+        rows.append([f"length of the last step, at {run['t'][k]:.2f} s [m]", f"{feet:.3f}", f"{twin_feet:.3f}"])
+        most = max(landed, key=lambda step: abs(step[1] - step[2]))
+        where = f"length of the step that differs most, at {run['t'][most[0]]:.2f} s [m]"
+        rows.append([where, f"{most[1]:.3f}", f"{most[2]:.3f}"])
+    distance = run.metrics.get("twin_distance")
+    return [*rows, ["largest distance while both are up [m]", text(distance), ""]]
+
+
 def steady_rows(run: StoredRun) -> Rows:
     """Mean velocity over whole gait cycles against the reference."""
     rows = [
@@ -85,6 +113,8 @@ def comparison_rows(runs: Sequence[StoredRun], names: Sequence[str]) -> Rows:
     """Every metric that one of the runs has, side by side."""
     rows: Rows = [["", *names], ["robot", *(run.parameters["robot"] for run in runs)]]
     rows += [["scenario", *(run.name for run in runs)], ["fallen", *(run.reason or "no" for run in runs)]]
+    if any(run.metrics.get("twin_difference") for run in runs):
+        rows.append(["ideal twin", *(text(run.metrics.get("twin_difference") or None) for run in runs)])
     for name in METRICS:
         values = [run.metrics.get(name) for run in runs]
         if any(value is not None for value in values):

@@ -37,7 +37,7 @@ def _played(server: viser.ViserServer, recording: Recording) -> str:
         scene.show(layer, True)
     serializer = server.get_scene_serializer()  # records all that the handles are assigned
     for k, snapshot in enumerate(replayed(recording, every)):
-        scene.draw(snapshot, parameters[k * every], every * period)
+        scene.draw(snapshot, parameters[k * every], every * period, world=recording.scenario.world)
         assign_to_handles(server, scene.updates)
         serializer.insert_sleep(every * period)
     name = html.escape(recording.scenario.name)

@@ -61,7 +61,7 @@ class Viewer:
         clients = ClientRegistry(self.server)
         spare_light_clients(self.server, clients)
         body, scene = runner.robot.body, self.scene
-        points = None if body is None else LinkPoints(body, scene.links, lambda: scene.origin)
+        points = None if body is None else LinkPoints(body, scene.links, lambda: (scene.rotation, scene.origin))
         self._drag_push = DragPush(self.server, runner, scene.draggable, points)
         self._panel = Panel(self.server, runner, self.scene, clients, lease or DriverLease())
         self.server.gui.main_panel.set_width(PANEL_WIDTH)
@@ -149,7 +149,7 @@ class Viewer:
     def _show(self, elapsed: float) -> None:
         state = self._runner.latest
         self._drag_push.request_preview()
-        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim)
+        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim, state.world)
         self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)
         self.broadcaster.send(self.scene.updates)
 

@@ -8,6 +8,8 @@ from walkcore.mpc.stance import Side
 from walkcore.snapshot import Snapshot
 from walkcore.values import Vector
 
+SAME_MOMENT = 0.05  # [s]: less is told as 0.0 s
+
 
 def twin_difference(walk: Walk) -> str:
     """One sentence on the difference between a walk in physics and its ideal twin.
@@ -22,10 +24,11 @@ def twin_difference(walk: Walk) -> str:
     period, nb_rows = float(walk.parameters["control_period"]), len(walk["status"])
     distances = np.hypot(*(points(walk, "measured_com") - points(walk, "twin_com")).T)
     distance = distances[np.isfinite(distances)][-1]  # a twin may come and go
+    steps = twin_steps(walk)
     return _in_words(
         None if end == nb_rows else end * period,
         None if end_of_twin == nb_rows else end_of_twin * period,
-        _longer_than_the_models(walk, min(end, end_of_twin)),
+        steps[-1][1] - steps[-1][2] if steps else None,
         f"{100 * distance:.0f} cm from each other at the end",
     )
 
@@ -75,6 +78,8 @@ def _in_words(fell_at: float | None, twin_fell_at: float | None, longer: float |
         distance: of both, in words.
     """
     if fell_at is not None and twin_fell_at is not None:
+        if abs(fell_at - twin_fell_at) < SAME_MOMENT:
+            return "both fell, at the same moment"
         which = "later" if fell_at >= twin_fell_at else "earlier"
         return f"both fell, the robot {abs(fell_at - twin_fell_at):.1f} s {which} than the model"
     if twin_fell_at is not None:
@@ -91,16 +96,22 @@ def _length(one: Vector, other: Vector) -> float:
     return float(np.hypot(*(one - other)))
 
 
-def _longer_than_the_models(walk: Walk, end: int) -> float | None:
-    """By how much the last step before a row was longer than the twin's [m]; None where there was none."""
-    landed = touchdowns(walk)
-    landed = landed[landed < end]
-    if not len(landed):
-        return None
-    k = int(landed[-1])
-    moved = "left" if walk["left_z"][k - 1] > 0.0 else "right"
-    stood = "right" if moved == "left" else "left"
-    step = [
-        (points(walk, f"{prefix}{moved}") - points(walk, f"{prefix}{stood}"))[k] for prefix in ("measured_", "twin_")
-    ]
-    return float(np.hypot(*step[0]) - np.hypot(*step[1]))
+def twin_steps(walk: Walk) -> list[tuple[int, float, float]]:
+    """The steps while both were up: row of each touchdown, length of the robot's step and of the twin's [m].
+
+    Args:
+        walk: with the columns of a plant and of a twin.
+    """
+    is_down = (walk["status"] == Status.FALLEN) | (walk["twin_status"] == Status.FALLEN)
+    end = int(np.argmax(is_down)) if np.any(is_down) else len(is_down)
+    steps: list[tuple[int, float, float]] = []
+    for k in touchdowns(walk):
+        if k >= end or np.isnan(walk["twin_com_x"][k]):  # a twin may come and go
+            continue
+        moved, stood = ("left", "right") if walk["left_z"][k - 1] > 0.0 else ("right", "left")
+        step, twin_step = (
+            (points(walk, f"{prefix}{moved}") - points(walk, f"{prefix}{stood}"))[k]
+            for prefix in ("measured_", "twin_")
+        )
+        steps.append((int(k), float(np.hypot(*step)), float(np.hypot(*twin_step))))
+    return steps

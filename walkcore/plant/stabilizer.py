@@ -2,12 +2,13 @@
 
     e = (c - c_ref) + (dc - dc_ref) / omega         error of the divergent component of motion (DCM)
     p = p_ref + k_p e, clipped to the stance        the CoP that is commanded
-    dc_ref += k_c omega e dt                        the model follows the body
+    dc_ref += omega (k_c e + k_s (1 - s) e) dt      the model follows the body
 
-The DCM runs away from the CoP, so it alone has to be held: by pushing the CoP beyond it, as far as the soles reach.
-What the soles cannot take back, the model takes over: its velocity follows the measured DCM, and the QP replans from
-there. Only the velocity: a jump of the position would be differentiated twice on its way to the joints, and a
-millimetre of noise would become centimetres of CoP.
+The DCM runs away from the CoP, so it alone has to be held: by pushing the CoP beyond it, as far as the soles reach,
+which is the share s of the error. What the soles cannot take back, the model takes over: its velocity follows the
+measured DCM, the faster the more the soles lack, and the QP replans from there. Only the velocity: a jump of the
+position would be differentiated twice on its way to the joints, and a millimetre of noise would become centimetres of
+CoP. The body has that velocity already, so no torque is commanded to give it once more.
 
 The error is measured against the soles that stand, so that a robot which slips or turns on the ground is no error:
 at each touchdown the model as a whole is moved to where its support foot has really come to stand.
@@ -32,7 +33,8 @@ from walkcore.values import Matrix, Vector, freeze, frozen_copy, rotation
 
 COP_GAIN = 3.0  # k_p: a CoP beyond the DCM error by this brings it back in 1 / (omega (k_p - 1)), 0.15 s
 MODEL_GAIN = 4.0  # k_c [1/s]
-COP_MARGIN = 0.005  # [m] that the commanded CoP keeps from the edges of the soles
+SATURATED_GAIN = 10.0  # k_s [1/s]: at 20 and more the joints cannot follow the model any longer
+COP_MARGIN = 0.015  # [m] that the commanded CoP keeps from the edges of the soles: nearer, they tip over them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,16 +99,18 @@ def dcm_error(
     return position + velocity / omega
 
 
-def followed(com: CoMState, error: Vector, omega: float, period: float) -> CoMState:
-    """The model's CoM, its velocity drawn towards the measured DCM for one period [s].
+def catch_up(cop: Vector, error: Vector, stance: Stance, omega: float, period: float) -> Vector:
+    """Velocity that the model takes over from the body in one period [m/s], shape (2,).
 
     Args:
-        com: of the model.
+        cop: of the model [m], shape (2,).
         error: of the DCM [m], shape (2,).
+        stance: the soles that stand.
         omega: of the pendulum [1/s].
         period: [s].
     """
-    return com.pushed(MODEL_GAIN * omega * period * error)
+    lacking = 1.0 - share_inside(stance.polygon, cop, COP_GAIN * error)
+    return omega * period * (MODEL_GAIN + SATURATED_GAIN * lacking) * error
 
 
 def commanded_cop(cop: Vector, error: Vector, stance: Stance) -> Vector:
@@ -131,6 +135,23 @@ def _shrunk(corners: Matrix, margin: float) -> Matrix:
     to_middle = middle - corners
     depth = (along[:, 0] * to_middle[:, 1] - along[:, 1] * to_middle[:, 0]) / np.hypot(*along.T)
     return middle - (1.0 - margin / depth.min()) * to_middle
+
+
+def share_inside(corners: Matrix, start: Vector, way: Vector) -> float:
+    """The share of a way, from 0 to 1, after which it leaves a convex polygon; 0 if it starts outside.
+
+    Args:
+        corners: of the polygon, counter-clockwise, shape (V, 2).
+        start: shape (2,).
+        way: shape (2,).
+    """
+    along = np.roll(corners, -1, axis=0) - corners
+    inwards = np.column_stack([-along[:, 1], along[:, 0]])
+    depth, outwards = np.sum(inwards * (start - corners), axis=1), -inwards @ way
+    if np.any(depth < 0.0):
+        return 0.0
+    leaves = outwards > depth
+    return float(np.min(depth[leaves] / outwards[leaves], initial=1.0))
 
 
 def nearest_point(corners: Matrix, point: Vector) -> Vector:

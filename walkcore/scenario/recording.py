@@ -31,7 +31,7 @@ NOWHERE = (math.nan, math.nan, math.nan)
 TWIN_COLUMNS = {"com_x", "com_y", "cop_x", "cop_y", "status"} | {
     f"{foot}_{c}" for foot in ("left", "right") for c in ("x", "y", "z", "yaw")
 }
-"""Columns that the ideal robot beside another plant has, too, with `twin_` before their names."""
+"""Columns that the ideal robot beside another plant has, too, with `twin_` before their names, as its joints have."""
 
 
 def row(snapshot: Snapshot) -> dict[str, float]:
@@ -65,6 +65,11 @@ def plant_columns(snapshot: Snapshot) -> dict[str, float]:
     if snapshot.twin is not None:
         columns |= {f"twin_{name}": value for name, value in row(snapshot.twin).items() if name in TWIN_COLUMNS}
     return columns
+
+
+def joint_columns(name: str, q: Vector | None) -> dict[str, float]:
+    """The columns of a configuration, shape (nq,), by the number of each; none of a robot without a body."""
+    return {} if q is None else {f"{name}_{i}": float(number) for i, number in enumerate(q)}
 
 
 def _measured_columns(plant: PlantTick) -> dict[str, float]:
@@ -250,9 +255,10 @@ def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody |
         _put(more, ("foothold3_yaw", "foothold4_yaw"), [*later, math.nan, math.nan][:2])
         more |= plant_columns(snapshot)
         if snapshot.plant is not None:
-            more |= {f"q_commanded_{i}": float(angle) for i, angle in enumerate(snapshot.plant.q_commanded)}
-        joints = {} if snapshot.q is None else {f"q_{i}": float(angle) for i, angle in enumerate(snapshot.q)}
-        rows.append(values | joints | more)
+            more |= joint_columns("q_commanded", snapshot.plant.q_commanded)
+        if snapshot.twin is not None:
+            more |= joint_columns("twin_q", snapshot.twin.q)
+        rows.append(values | joint_columns("q", snapshot.q) | more)
         if len(rows[-1]) != len(columns):  # a twin may come and go
             columns = tuple(dict.fromkeys((*columns, *rows[-1])))
         if snapshot.status is Status.FALLEN:

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import count, takewhile
 
 import numpy as np
 
@@ -14,19 +15,22 @@ from walkcore.mpc.gait import Phase
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
 from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.plant.plant import GroundContact, Measurement, SolePose
 from walkcore.pushes import GivenPush
 from walkcore.scenario.recording import Recording
-from walkcore.snapshot import Snapshot
+from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.values import Matrix, Vector, frozen_copy
+
+COPS_OF_A_PLANT = ("ground_cop", "commanded_cop")
+NO_VELOCITY = frozen_copy(np.zeros(2))
 
 
 def replayed(recording: Recording, every: int) -> Iterator[Snapshot]:
     """One snapshot for every so many rows, the first one's to begin with.
 
     What a recording does not hold is missing: the plan ends with the coming tick but for its footholds, the foot in
-    the air has no speed, and there are no torques.
+    the air has no speed, and there are no torques. Of an ideal twin there are CoM, CoP, feet, joints and status.
     """
-    joints = [i for i, name in enumerate(recording.columns) if name.startswith("q_")]
     pushes = deque(_pushes(recording))
     last_push: GivenPush | None = None
     for k in range(0, len(recording.rows), every):
@@ -34,7 +38,8 @@ def replayed(recording: Recording, every: int) -> Iterator[Snapshot]:
         while pushes and pushes[0].tick <= numbers[0]:
             last_push = pushes.popleft()
         values = dict(zip(recording.columns, numbers.tolist(), strict=True))
-        yield _snapshot(values, numbers[joints] if joints else None, last_push, recording)
+        snapshot = _snapshot(values, last_push, recording)
+        yield replace(snapshot, plant=_plant(values), twin=_twin(values, snapshot))
 
 
 def _pushes(recording: Recording) -> Iterator[GivenPush]:
@@ -45,9 +50,7 @@ def _pushes(recording: Recording) -> Iterator[GivenPush]:
         yield GivenPush(int(tick[first]), (x, y), 0.0 if end - first == 1 else (end - first) * period)
 
 
-def _snapshot(
-    values: Mapping[str, float], q: Vector | None, last_push: GivenPush | None, recording: Recording
-) -> Snapshot:
+def _snapshot(values: Mapping[str, float], last_push: GivenPush | None, recording: Recording) -> Snapshot:
     v, status, phase, robot = (
         values,
         Status(int(values["status"])),
@@ -87,9 +90,61 @@ def _snapshot(
         reason=recording.reason if status is Status.FALLEN else "",
         plan=None if status is Status.FALLEN else _plan(v, com, pendulum, stance, recording),
         com_offset=_pair(v, "com_offset"),
-        q=None if q is None else frozen_copy(q),
+        q=_configuration(v, "q"),
         plant=None,
     )
+
+
+def _plant(values: Mapping[str, float]) -> PlantTick | None:
+    """The measured body, without what no column tells: torques, the tilt of torso and soles, vertical velocity."""
+    v, q, q_commanded = values, _configuration(values, "q"), _configuration(values, "q_commanded")
+    if q is None or q_commanded is None:
+        return None
+    soles: dict[Side, SolePose] = {}
+    for side in Side:
+        x, y, z, yaw = (v[f"measured_{side.name.lower()}_{c}"] for c in ("x", "y", "z", "yaw"))
+        soles[side] = SolePose(np.array([x, y, z]), yaw, tilt=math.nan)
+    measured = Measurement(
+        com=frozen_copy([v[f"measured_com_{c}"] for c in "xyz"]),
+        com_velocity=frozen_copy([v["measured_com_vx"], v["measured_com_vy"], math.nan]),
+        soles=soles,
+        q=q,
+        tilt=math.nan,
+        torques=frozen_copy(np.full(len(q) - 7, math.nan)),
+    )
+    forces = {side: v[f"{side.name.lower()}_force"] for side in Side}
+    cop, commanded_cop = (None if math.isnan(v[f"{name}_x"]) else _pair(v, name) for name in COPS_OF_A_PLANT)
+    contact = GroundContact(cop, forces, frozen_copy([math.nan, math.nan, sum(forces.values())]))
+    return PlantTick(measured, contact, _pair(v, "dcm_error"), q_commanded, NO_VELOCITY, commanded_cop)
+
+
+def _twin(values: Mapping[str, float], beside: Snapshot) -> Snapshot | None:
+    """The ideal twin beside a robot, whose clock and commands it shares."""
+    q = _configuration(values, "twin_q")
+    if q is None:
+        return None
+    v = {name.removeprefix("twin_"): value for name, value in values.items() if name.startswith("twin_")}
+    com = np.array(beside.com.matrix)
+    com[0] = _pair(v, "com")
+    return replace(
+        beside,
+        com=CoMState(com),
+        cop=_pair(v, "cop"),
+        left_foot=_foot(v, Side.LEFT),
+        right_foot=_foot(v, Side.RIGHT),
+        status=Status(int(v["status"])),
+        reason="",
+        q=q,
+        plan=None,
+        true_cop=None,
+    )
+
+
+def _configuration(values: Mapping[str, float], name: str) -> Vector | None:
+    """A configuration in Pinocchio's order, shape (nq,); None where the row has none."""
+    if math.isnan(values.get(f"{name}_0", math.nan)):
+        return None
+    return frozen_copy([values[f"{name}_{i}"] for i in takewhile(lambda i: f"{name}_{i}" in values, count())])
 
 
 def _pair(values: Mapping[str, float], name: str) -> Vector:

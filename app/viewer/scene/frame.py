@@ -12,6 +12,7 @@ from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.stance import Side
+from walkcore.plant.world import PERFECT, World
 from walkcore.pushes import GivenPush
 from walkcore.values import Vector
 
@@ -136,6 +137,8 @@ class Frame:
     has_lines: bool
     """Whether lines are sent in this frame."""
     aim: Aim | None = None
+    world: World = PERFECT
+    """World that the robot walks in."""
 
 
 class Drawing(Protocol):

@@ -24,6 +24,7 @@ from app.viewer.scene.points import (
 )
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
+from app.viewer.scene.strips import StripsDrawing
 from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_polygon, support_polygon
 from app.viewer.scene.velocities import CoMVelocityDrawing, ReferenceDrawing
 
@@ -54,6 +55,7 @@ LAYERS = {
     "twin": Layer(
         "twin", "The model on the same commands, drawn one metre aside", palette.TWIN, partial(GhostDrawing, TWIN_BODY)
     ),
+    "strips": Layer("strips", "Strips across the ground, where the world has any", palette.STRIP, StripsDrawing),
     "footprints": Layer(
         "past footsteps",
         "Soles where they stood: left darker, right lighter; outlined after a shortened step",

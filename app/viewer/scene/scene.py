@@ -15,7 +15,8 @@ from app.viewer.scene.layers import LAYERS
 from app.viewer.scene.points import body_com
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
-from walkcore.values import Vector
+from walkcore.plant.world import PERFECT, World
+from walkcore.values import Matrix, Vector
 
 WORLD = "/w"
 GROUND_NODE = f"{WORLD}/ground"
@@ -50,6 +51,7 @@ class Scene:
         self._history = History()
         self._nb_frames = 0
         self._middle = (math.inf, math.inf)
+        self._slope = 0.0
         _illuminate(server, quality)
         server.scene.add_frame(WORLD, show_axes=False)
         _add_ground(server)
@@ -64,14 +66,27 @@ class Scene:
     @property
     def origin(self) -> Vector:
         """Place of the world's origin in the scene [m], shape (3,)."""
-        return np.array([-self._middle[0], -self._middle[1], 0.0])
+        return -self.rotation @ [*self._middle, 0.0]
+
+    @property
+    def rotation(self) -> Matrix:
+        """Rotation of the world in the scene, whose z is up: ground that rises along x is tilted, shape (3, 3)."""
+        c, s = math.cos(self._slope), math.sin(self._slope)
+        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
     def show(self, layer: str, is_visible: bool) -> None:
         """Show a layer, or hide it; a hidden layer is not sent."""
         (self.shown.add if is_visible else self.shown.discard)(layer)
         self.updates.visible(f"{WORLD}/{layer}", is_visible)
 
-    def draw(self, snapshot: Snapshot, parameters: Parameters, elapsed: float, aim: Aim | None = None) -> None:
+    def draw(
+        self,
+        snapshot: Snapshot,
+        parameters: Parameters,
+        elapsed: float,
+        aim: Aim | None = None,
+        world: World = PERFECT,
+    ) -> None:
         """Collect what a snapshot changes in `updates`.
 
         Args:
@@ -79,12 +94,14 @@ class Scene:
             parameters: that it was computed with.
             elapsed: real time since the last call [s].
             aim: push that somebody is aiming.
+            world: that the robot walks in.
         """
         self._nb_frames += 1
         has_lines = self._nb_frames % FRAMES_PER_LINE == 0
         self._history.add(snapshot, parameters, is_on_trail=has_lines)
+        self._slope = world.slope
         self._scroll(snapshot, elapsed)
-        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim)
+        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world)
         for name, drawing in self.drawings.items():
             if name in self.shown:
                 drawing.update(self.updates, frame)
@@ -96,7 +113,8 @@ class Scene:
             x, y = robot
         share = 1.0 - math.exp(-elapsed / FOLLOW_TIME)
         x, y = self._middle = (x + share * (robot[0] - x), y + share * (robot[1] - y))
-        self.updates.position(WORLD, (-x, -y, 0.0))
+        self.updates.position(WORLD, self.origin)
+        self.updates.orientation(WORLD, (math.cos(self._slope / 2), 0.0, -math.sin(self._slope / 2), 0.0))
         self.updates.position(GROUND_NODE, (SECTION * round(x / SECTION), SECTION * round(y / SECTION), GRID_HEIGHT))
 
 
