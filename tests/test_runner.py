@@ -12,6 +12,7 @@ import psutil
 import pytest
 from conftest import PATIENCE, wait_for
 
+from app.live import link as link_module
 from app.live.control import Control
 from app.live.messages import has_sent
 from app.live.runner import NoResponseError, NotPausedError, Runner
@@ -215,10 +216,12 @@ def test_requests_to_a_control_process_that_was_stopped_end_and_another_takes_ov
     stopped = mortal.process_id
     tick = mortal.latest.snapshot.tick
     os.kill(stopped, signal.SIGSTOP)
-    requests = [mortal.pause(), mortal.change({"beta": 2.0}), mortal.save()]
+    requests, saved = [mortal.pause(), mortal.change({"beta": 2.0})], mortal.save()
     for request in requests:
         with pytest.raises(NoResponseError):
             request.result(PATIENCE)
+    with pytest.raises(NoResponseError):
+        next(saved)
     wait_for(lambda: mortal.trouble == "" and mortal.process_id != stopped)
     assert not psutil.pid_exists(stopped)
     assert mortal.latest.snapshot.tick >= tick
@@ -296,7 +299,14 @@ def test_a_saved_session_crosses_processes_in_chunks(runner):
     runner.reset().result(PATIENCE)
     runner.drive(Reference(vx=0.2), "rest")
     runner.step(500).result(PATIENCE)
-    session = Session.unpacked(runner.save().result(PATIENCE))
+    session = Session.unpacked(list(runner.save()))
     assert len(session.segments) == 51
     rows = session.recording("walked", runner.robot)
     assert rows["tick"].tolist() == list(range(501)) and rows["reference_vx"][-1] == 0.2
+
+
+def test_a_request_that_waited_for_too_long_is_answered_and_not_carried_out(runner, monkeypatch):
+    monkeypatch.setattr(link_module, "EXPIRY", -1.0)
+    with pytest.raises(NoResponseError, match="no time"):
+        runner.pause().result(PATIENCE)
+    assert runner.latest.running

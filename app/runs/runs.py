@@ -3,7 +3,7 @@
 import logging
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,7 +112,7 @@ class Runs:
         self._trim()
         return self._store.get(run.id)
 
-    def add_session(self, segments: Sequence[bytes], name: str, robot: Robot) -> Run:
+    def add_session(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
         """Keep a walk that was driven live as a run that is done; see `SessionKeeper.keep`."""
         run = self.sessions.keep(segments, name, robot)
         self._trim()
