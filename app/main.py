@@ -12,14 +12,21 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
 from app.http import page, refusals
-from app.http.connections import allow_connections, limited_protocol, listening_socket
+from app.http.connections import (
+    EndingMiddleware,
+    QuietWebsocket,
+    allow_connections,
+    limited_protocol,
+    listening_socket,
+)
 from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
 from app.http.headers import SecurityHeadersMiddleware
 from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
 from app.http.scene_proxy import scene_router
 from app.http.seats import Seats
-from app.http.token import TokenMiddleware, Tokens, signin_router
+from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
+from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
 from app.live.runner import NoResponseError, Runner
@@ -49,7 +56,7 @@ def serve(settings: Settings) -> None:
         log_level="warning",
         timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
         http=limited_protocol(),
-        ws="websockets-sansio",
+        ws=QuietWebsocket,
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,
     )
@@ -120,6 +127,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
+    app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
+    app.add_middleware(EndingMiddleware)
     for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)

@@ -16,6 +16,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.routes.sockets import BURST, MAX_RATE
+
 COLUMNS = """
     tick t com_x com_y com_z com_vx com_vy com_ax com_ay jerk_x jerk_y cop_x cop_y true_cop_x true_cop_y
     reference_vx reference_vy reference_yaw_rate phase support_side support_x support_y support_yaw
@@ -294,6 +296,16 @@ def test_bad_joystick_message_is_refused_and_changes_nothing(api, server, messag
         assert live(api)["driver"] == "none"
         joystick.send('{"reference": {"vx": 0.1}}')
         wait_for(lambda: live(api)["driver"] == "joystick")
+
+
+def test_more_messages_than_a_program_sends_have_to_wait(server):
+    with connect(server.socket_url("teleop")) as joystick:
+        begun = time.monotonic()
+        for _ in range(500):
+            joystick.send("{")
+        for _ in range(500):
+            joystick.recv(PATIENCE)
+        assert time.monotonic() - begun > (500 - BURST) / MAX_RATE - 0.1
 
 
 def test_message_that_is_far_too_long_ends_the_connection(server):
