@@ -60,9 +60,11 @@ def test_a_process_does_one_job_after_the_other_and_reports_their_progress():
     assert not process.is_alive
 
 
-def test_a_process_gives_way_to_others():
+@pytest.mark.parametrize(("own", "expected"), [(0, 7), (4, 11), (-5, 7), (19, 19)])
+def test_a_process_gives_way_to_others_also_where_the_one_that_starts_it_does_not(monkeypatch, own, expected):
+    monkeypatch.setattr(os, "getpriority", lambda *_: own)
     process = JobProcess(niceness=7)
-    assert process.run(niceness).result() == min(os.nice(0) + 7, 19)
+    assert process.run(niceness).result() == max(expected, os.nice(0))
     process.kill()
 
 

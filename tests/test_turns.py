@@ -1,6 +1,7 @@
 """Turns of requests: however many come at once, whatever else is due has the event loop between two of them."""
 
 import asyncio
+import os
 import time
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 from app.http import turns
 from app.http.turns import TurnMiddleware
+from app.main import NICENESS, request_priority
 
 URGENT = "/urgent"
 
@@ -67,3 +69,20 @@ def test_addresses_take_turns_and_within_one_the_first_goes_first():
 def test_an_urgent_request_does_not_wait():
     paths = [path for path, _, _ in begun([*(request(str(i)) for i in range(20)), request(URGENT)])]
     assert paths.index(URGENT) == 1
+
+
+@pytest.mark.parametrize(("own", "is_permitted", "expected"), [(0, True, [NICENESS]), (0, False, []), (10, True, [])])
+def test_the_server_goes_before_other_processes_unless_forbidden_or_told_otherwise(
+    monkeypatch, own, is_permitted, expected
+):
+    taken = list[int]()
+
+    def set_priority(_which: int, _who: int, niceness: int) -> None:
+        if not is_permitted:
+            raise PermissionError
+        taken.append(niceness)
+
+    monkeypatch.setattr(os, "getpriority", lambda *_: own)
+    monkeypatch.setattr(os, "setpriority", set_priority)
+    request_priority()
+    assert taken == expected and NICENESS < 0
