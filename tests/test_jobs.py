@@ -60,11 +60,16 @@ def test_a_process_does_one_job_after_the_other_and_reports_their_progress():
     assert not process.is_alive
 
 
-@pytest.mark.parametrize(("own", "expected"), [(0, 7), (4, 11), (-5, 7), (19, 19)])
-def test_a_process_gives_way_to_others_also_where_the_one_that_starts_it_does_not(monkeypatch, own, expected):
-    monkeypatch.setattr(os, "getpriority", lambda *_: own)
+def test_a_process_gives_way_to_others():
     process = JobProcess(niceness=7)
-    assert process.run(niceness).result() == max(expected, os.nice(0))
+    assert process.run(niceness).result() == min(os.nice(0) + 7, 19)
+    process.kill()
+
+
+def test_a_process_gives_way_to_others_also_where_the_one_that_starts_it_does_not(monkeypatch):
+    monkeypatch.setattr(os, "getpriority", lambda *_: -5)
+    process = JobProcess(niceness=19)
+    assert process.run(niceness).result() == 19
     process.kill()
 
 

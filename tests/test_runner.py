@@ -59,9 +59,10 @@ def test_request_that_nobody_waits_for_any_more_is_harmless(runner):
 
 
 def test_the_active_driver_is_known_until_its_reference_expires(runner):
-    runner.drive(Reference(vx=0.1), "joystick", expires_after=0.3, client="me")
+    runner.drive(Reference(vx=0.1), "joystick", expires_after=PATIENCE, client="me")
     assert runner.active_driver == ("joystick", "me")
     wait_for(lambda: (runner.latest.driver, runner.latest.driver_client) == ("joystick", "me"))
+    runner.drive(Reference(vx=0.1), "joystick", expires_after=0.3, client="me")
     wait_for(lambda: runner.latest.driver == "none")
     assert runner.latest.snapshot.reference.is_zero and runner.active_driver == ("none", "")
     runner.drive(Reference(vx=0.1), "sliders")
@@ -250,7 +251,7 @@ def test_requests_beyond_their_number_are_refused_and_the_others_are_done(mortal
     requests = [mortal.pause() for _ in range(500)]
     os.kill(mortal.process_id, signal.SIGCONT)
     errors = [request.exception(PATIENCE) for request in requests]
-    assert errors[0] is None and "busy" in str(errors[-1])
+    assert errors[0] is None and any("busy" in str(error) for error in errors)
     assert mortal.pause().result(PATIENCE).running is False
 
 
