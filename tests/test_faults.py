@@ -243,7 +243,10 @@ class Faults(RuleBasedStateMachine):
             self.continue_control_process()
         if self.filling is not None:
             self.free_disk()
-        wait_for(lambda: self.health()["status"] != "unhealthy" and not self.health()["runs"])
+        try:
+            wait_for(lambda: self.health()["status"] != "unhealthy" and not self.health()["runs"])
+        except AssertionError as error:
+            raise AssertionError(f"faults that are over last: {self.health()}") from error
         wait_for(lambda: self.request("POST", "live/reset").status_code == 200)
         self.request("POST", "live/resume")
         tick = self.request("GET", "live").json()["tick"]

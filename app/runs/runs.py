@@ -84,9 +84,10 @@ class Runs:
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
                 raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
-            run = self._store.add(scenario, admitted.robot.name, admitted.duration)
-        self._queue.wake()
-        return run
+            try:
+                return self._store.add(scenario, admitted.robot.name, admitted.duration)
+            finally:
+                self._queue.wake()  # to begin with it, or to try the disk again that did not take it
 
     def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
         """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done.
