@@ -67,12 +67,13 @@ class JobProcess:
         """Start the process.
 
         Args:
-            niceness: added to that of this process, up to 19.
+            niceness: added to that of this process, up to 19; what goes before other processes counts as 0.
         """
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         """Becomes readable when `receive` has something to return."""
-        self._process = context.Process(target=_work, args=(theirs, niceness), name="walk job", daemon=True)
+        absolute = max(0, os.getpriority(os.PRIO_PROCESS, 0)) + niceness
+        self._process = context.Process(target=_work, args=(theirs, absolute), name="walk job", daemon=True)
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for this process, which kills that
         self._process.start()
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
@@ -186,7 +187,7 @@ def _do(job: Job[Any], report: Report) -> JobOutcome:
 
 def _work(connection: Connection, niceness: int) -> None:
     """The process: jobs in, progress and outcomes out."""
-    os.nice(niceness)
+    os.setpriority(os.PRIO_PROCESS, 0, niceness)
     Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):  # nobody waits for the result any more
         while True:

@@ -1,10 +1,11 @@
 """The server: wires runner, viewer, runs, routes and page together, listens on one port, and stops them."""
 
 import logging
+import os
 import socket
 import sys
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 
 import uvicorn
@@ -12,14 +13,21 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
 from app.http import page, refusals
-from app.http.connections import allow_connections, limited_protocol, listening_socket
+from app.http.connections import (
+    EndingMiddleware,
+    QuietWebsocket,
+    allow_connections,
+    limited_protocol,
+    listening_socket,
+)
 from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
 from app.http.headers import SecurityHeadersMiddleware
 from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
 from app.http.scene_proxy import scene_router
 from app.http.seats import Seats
-from app.http.token import TokenMiddleware, Tokens, signin_router
+from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
+from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
 from app.live.runner import NoResponseError, Runner
@@ -37,12 +45,14 @@ LIVE = {"initial_double_support_duration": 0.3, "dynamic_filter": True, "step_ti
 """Parameters of the live walk that are not the robot's own."""
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
 SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
+NICENESS = -5  # of 19 to -20
 SHUTDOWN_TIMEOUT = 1  # [s] for open connections when the server stops
 
 
 def serve(settings: Settings) -> None:
     """Serve until interrupted; exits with 1 where the address is not available."""
     sys.setswitchinterval(SWITCH_INTERVAL)
+    request_priority()
     allow_connections()
     listening = _listen(settings)
     config = uvicorn.Config(
@@ -50,7 +60,7 @@ def serve(settings: Settings) -> None:
         log_level="warning",
         timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
         http=limited_protocol(),
-        ws="websockets-sansio",
+        ws=QuietWebsocket,
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,
     )
@@ -64,6 +74,17 @@ def serve(settings: Settings) -> None:
         return  # uvicorn has shut down and passes the signal on
     finally:
         watchdog.stop()
+
+
+def request_priority() -> None:
+    """Go before other processes of the machine, where the system permits it and nobody chose a niceness.
+
+    On a busy machine the page's pictures and controls would wait for their turn: clients that flood the server often
+    run beside it, and a browser's renderer takes such a priority itself. Jobs do not inherit it.
+    """
+    if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+        with suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -122,6 +143,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
+    app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
+    app.add_middleware(EndingMiddleware)
     for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)

@@ -84,7 +84,7 @@ def serving(*options: str, **environment: str) -> Iterator[Server]:
         yield server
     finally:
         server.process.terminate()
-        code = server.process.wait(10)
+        code = server.process.wait(PATIENCE)
     output = "".join(server.output)
     assert code == -signal.SIGTERM, f"the server had ended before: {output}"
     assert not {"Traceback", "Warning"} & set(re.findall(r"\w+", output)), output

@@ -55,6 +55,26 @@ def test_a_walk_is_written_by_a_process_of_its_own_as_it_would_be_here(runs, ses
     assert files(tmp_path / "unfinished") == []
 
 
+def test_a_walk_goes_to_its_file_as_it_comes_and_is_not_held(runs, session):
+    """Of what comes from the control process no more than one segment is alive at a time."""
+    alive = 0
+
+    class Held(bytes):
+        def __del__(self) -> None:
+            nonlocal alive
+            alive -= 1
+
+    def come() -> Iterator[bytes]:
+        nonlocal alive
+        for segment in session:
+            assert alive <= 1  # the one before, until this one takes its name
+            alive += 1
+            yield Held(segment)
+
+    assert runs.add_session(come(), "driven", HRP2).status == "done"
+    assert alive == 0
+
+
 def files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*")) if folder.exists() else []
 

@@ -97,8 +97,7 @@ def test_a_reader_sees_whole_values_only_and_never_an_older_one_again(tmp_path):
 
 
 def hammer(path: Path, nb_values: int) -> None:
-    """Write and read in two processes at once, in both directions, and check every read until the partner has written
-    `nb_values`: how many reads that is depends on how the machine shares its cores."""
+    """Write and read in two processes at once, in both directions, until the other has written all of its values."""
     size = LatestValue.size(CAPACITY)
     path.write_bytes(bytes(2 * size))
     with path.open("r+b") as file:
@@ -106,17 +105,17 @@ def hammer(path: Path, nb_values: int) -> None:
         read, written = LatestValue(memory, CAPACITY), LatestValue(memory[size:], CAPACITY)
         arguments = [sys.executable, "-c", PARTNER, str(file.fileno()), str(nb_values)]
         partner = subprocess.Popen(arguments, pass_fds=(file.fileno(),), stderr=subprocess.PIPE, text=True)
-        last = nb_reads = 0
-        while nb_reads % 10_000 or partner.poll() is None:
-            written.write(b"%d" % (nb_reads + 1))
+        last = nb_written = 0
+        while nb_written % 10_000 or partner.poll() is None:
+            nb_written += 1
+            written.write(b"%d" % nb_written)
             for _ in range(8):  # more reads than writes, so that they meet a write at each of its moments
                 message, count = read.read(), read.count
                 assert last <= message.count <= count
                 assert not message.count or message.data == b"%d" % message.count
                 last = message.count
-            nb_reads += 1
         assert partner.wait() == 0, partner.communicate()[1]
-        assert nb_reads > 0 and read.read().count == nb_values
+        assert read.read().count == nb_values
 
 
 def test_two_processes_that_write_and_read_at_full_rate_see_whole_values_in_order(tmp_path):

@@ -19,7 +19,8 @@ from viser import _messages
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from app.http.scene_proxy import BURST, COST_OF_CONTROLS, MAX_RATE, ReadBudget
+from app.http.scene_proxy import COST_OF_CONTROLS
+from app.http.turns import BURST, MAX_RATE, ReadBudget
 from app.viewer.transport.client_messages import MAX_BYTES, ClientMessages, ForbiddenMessageError
 
 PROTOCOL: Any = f"viser-v{viser.__version__}"

@@ -1,10 +1,12 @@
-"""Connections of the port: sent without delay, and none that sends no request keeps others out."""
+"""Connections of the port: sent without delay, none without a request keeps others out, and all end without noise."""
 
 import asyncio
+import base64
+import logging
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import httpx
@@ -14,12 +16,26 @@ from conftest import PATIENCE, wait_for
 from websockets.sync.client import connect
 
 from app.http import connections
-from app.http.connections import Connections, limited_protocol, listening_socket
+from app.http.connections import Connections, EndingMiddleware, QuietWebsocket, limited_protocol, listening_socket
+
+FOR_EVER = "/for-ever"
+LATE = "/late"
+STARTED: list[str] = []
+"""Kind of each connection to a path `FOR_EVER` since a test began."""
+ENDED: list[BaseException] = []
+"""Errors that ended their handlers."""
 
 
 async def application(scope: Any, receive: Any, send: Any) -> None:
-    """Responds to a request once its body is there, and to each message of a websocket."""
-    if scope["type"] == "websocket":
+    """Responds to a request once its body is there, and to each message of a websocket; or sends for ever."""
+    if scope.get("path") in (FOR_EVER, LATE):
+        STARTED.append(scope["type"])
+        try:
+            await _send_for_ever(scope, receive, send)
+        except BaseException as error:
+            ENDED.append(error)
+            raise
+    elif scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.accept"})
         while (message := await receive())["type"] == "websocket.receive":
@@ -31,20 +47,49 @@ async def application(scope: Any, receive: Any, send: Any) -> None:
         await send({"type": "http.response.body", "body": b"ok"})
 
 
+async def _send_for_ever(scope: Any, receive: Any, send: Any) -> None:
+    await receive()
+    if scope["type"] == "http":
+        await asyncio.Event().wait()
+    await send({"type": "websocket.accept"})
+    if scope["path"] == LATE:
+        await receive()
+    while True:
+        await send({"type": "websocket.send", "bytes": bytes(4096)})
+        await asyncio.sleep(0.001)
+
+
 @pytest.fixture
 def address(monkeypatch) -> Iterator[tuple[str, int]]:
     """Address of a server with small limits."""
     for name, value in {"REQUEST_TIMEOUT": 1.0, "MAX_WAITING": 8, "MAX_OPEN": 24, "MAX_OPEN_BY_ADDRESS": 16}.items():
         monkeypatch.setattr(connections, name, value)
     listening = listening_socket("127.0.0.1", 0)
-    config = uvicorn.Config(application, http=limited_protocol(), ws="websockets-sansio", log_level="error")
+    with running(listening):
+        yield listening.getsockname()
+
+
+@contextmanager
+def running(listening: socket.socket) -> Iterator[None]:
+    """A server, which is stopped at the end, with short times and with its log in pytest's."""
+    config = uvicorn.Config(
+        EndingMiddleware(application),
+        http=limited_protocol(),
+        ws=QuietWebsocket,
+        ws_ping_interval=0.3,
+        ws_ping_timeout=0.3,
+        timeout_graceful_shutdown=1,
+        log_config=None,
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     wait_for(lambda: server.started)
-    yield listening.getsockname()
-    server.should_exit = True
-    thread.join(PATIENCE)
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE)
 
 
 def url(address: tuple[str, int]) -> str:
@@ -155,3 +200,50 @@ def test_what_is_sent_is_not_held_back_for_more():
             return found
 
     assert asyncio.run(accepted()) == 1
+
+
+def upgraded(address: tuple[str, int], path: str = FOR_EVER) -> socket.socket:
+    """A websocket that takes nothing and responds to nothing."""
+    end = socket.socket()
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    end.connect(address)
+    key = base64.b64encode(bytes(16)).decode()
+    headers = f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}"
+    end.sendall(f"GET {path} HTTP/1.1\r\nHost: a\r\n{headers}\r\n\r\n".encode())
+    assert end.recv(12) == b"HTTP/1.1 101"
+    return end
+
+
+def tracebacks(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
+    return [record for record in caplog.records if record.exc_info]
+
+
+NO_FRAME = b"\xff\x80\x00\x00\x00\x00"
+NO_TEXT = b"\x81\x81\x00\x00\x00\x00\xff"
+
+
+@pytest.mark.parametrize(
+    ("path", "frame"), [(FOR_EVER, b""), (FOR_EVER, NO_FRAME), (FOR_EVER, NO_TEXT), (LATE, NO_FRAME), (LATE, NO_TEXT)]
+)
+def test_a_websocket_that_is_broken_or_takes_nothing_is_a_disconnect_for_its_handler(address, caplog, path, frame):
+    """None of them leaves a handler that waits, or a traceback in the log."""
+    STARTED.clear(), ENDED.clear()
+    with upgraded(address, path) as end:
+        end.sendall(frame)
+        wait_for(lambda: bool(ENDED))
+    assert isinstance(ENDED[0], OSError)
+    assert not tracebacks(caplog)
+
+
+def test_what_is_under_way_when_the_server_stops_ends_without_a_traceback(caplog):
+    STARTED.clear(), ENDED.clear()
+    listening = listening_socket("127.0.0.1", 0)
+    address = listening.getsockname()
+    with socket.create_connection(address) as request:
+        with running(listening):
+            end = upgraded(address)
+            request.sendall(f"GET {FOR_EVER} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
+            wait_for(lambda: len(STARTED) == 2)
+        assert request.recv(1000).startswith(b"HTTP/1.1 503")
+    end.close()
+    assert len(ENDED) == 2 and not tracebacks(caplog)

@@ -5,6 +5,7 @@ import json
 import shutil
 import sqlite3
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -82,6 +83,23 @@ def test_changes_that_a_full_disk_does_not_take_hold_and_are_written_later(tmp_p
         before = state_of(runs)
     with opened(tmp_path) as runs:
         assert state_of(runs) == before and runs.problem == runs.notice == ""
+
+
+def test_a_disk_that_took_no_run_is_tried_again_without_another_request(tmp_path):
+    with opened(tmp_path) as runs:
+        runs.start()
+        with full_disk(), pytest.raises(RunsUnavailableError):
+            runs.submit(SHORT)
+        wait_for(lambda: runs.problem == "")
+
+
+def test_trouble_of_a_queue_that_has_nothing_to_do_is_over_when_the_disk_takes_more(tmp_path):
+    with opened(tmp_path) as runs:
+        runs.start()
+        time.sleep(0.1)  # until the queue waits
+        with full_disk(), pytest.raises(RunsUnavailableError):
+            runs._store.add(SHORT, "hrp2", 2.0)
+        wait_for(lambda: runs.problem == "")
 
 
 def test_queued_runs_wait_for_space_and_go_on_when_there_is(tmp_path, monkeypatch):

@@ -66,6 +66,13 @@ def test_a_process_gives_way_to_others():
     process.kill()
 
 
+def test_a_process_gives_way_to_others_also_where_the_one_that_starts_it_does_not(monkeypatch):
+    monkeypatch.setattr(os, "getpriority", lambda *_: -5)
+    process = JobProcess(niceness=19)
+    assert process.run(niceness).result() == 19
+    process.kill()
+
+
 @pytest.mark.parametrize(
     ("kind", "arguments", "received", "text"),
     [

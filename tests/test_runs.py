@@ -250,7 +250,7 @@ def test_runs_survive_a_server_that_is_killed(tmp_path):
         wait_for(lambda: api.get(f"runs/{under_way}").json()["progress"] > 0.0, PATIENCE)
     orphans = psutil.Process(server.process.pid).children(recursive=True)
     server.process.kill()
-    server.process.wait(10)
+    server.process.wait(PATIENCE)
 
     with serving("--robot", "hrp2", WALK_DATA=folder) as server, server.client() as api:
         run = api.get(f"runs/{under_way}").json()

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from app.live import session_log
-from app.live.control import Control, NothingToSaveError
+from app.live.control import MAX_TICK_TIME, Control, NothingToSaveError
 from app.live.live_state import ReferenceCommand
 from app.live.session_log import Session, SessionLog
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
+from walkcore.simulation import NOT_IN_TIME
+from walkcore.stages import time_of_solves
 
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
 TALOS = load_robot("talos")
@@ -48,6 +50,51 @@ def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
     replayed = record(scenario)
     assert replayed.rows.tobytes() == driven.rows.tobytes()
     assert replayed.run_json() == driven.run_json()
+
+
+class JumpingClock:
+    """A clock that stands still, but now and then jumps by more than a tick may take."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng, self._now = np.random.default_rng(seed), 0.0
+
+    def __call__(self) -> float:
+        if self._rng.random() < 0.01:
+            self._now += 2.0 * MAX_TICK_TIME
+        return self._now
+
+
+@pytest.mark.parametrize("changed", [{}, {"solver": "daqp"}, {"step_timing": "adaptive"}], ids=str)
+def test_ticks_that_ran_out_of_time_are_replayed_as_they_were(changed):
+    hrp2, parameters = load_robot("hrp2"), LIVE.changed({"dynamic_filter": False, "control_period": 0.02} | changed)
+    control = Control(hrp2, parameters, lambda _: None, JumpingClock(seed=1))
+    control.start()
+    reasons = set[str]()
+    for tick in range(300):
+        if tick % 50 == 0:
+            control.set_reference(ReferenceCommand(Reference(vx=0.1 + 5e-4 * tick), "rest"))
+        if tick % 80 == 70:
+            control.push(Push([2.0, 3.0]))
+        control.tick()
+        reasons.add(control.latest.snapshot.reason)
+    driven = Session.unpacked(list(control.save(False))).recording("driven", hrp2)
+    source = json.loads(json.dumps(driven.scenario.source))
+    assert NOT_IN_TIME in reasons and sum("solves_in_time" in event for event in source["events"]) > 5
+    assert record(scenario_from_mapping(source)).rows.tobytes() == driven.rows.tobytes()
+
+
+def test_a_session_does_not_begin_with_a_tick_that_ran_out_of_time():
+    """It would go on with the plan of the tick before, which is not in its state."""
+    simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.02))
+    log = SessionLog(simulation)
+    for tick in range(40):
+        solves = 0 if tick in (0, 10, 15) else None
+        log.begin()
+        log.end(Command(), simulation.step(Command(), time_of_solves(solves)), solves)
+    session = Session.unpacked(log.segments(False))
+    assert session.segments[0].ticks[0][1].tick == 20
+    source = session.recording("driven", simulation.robot).scenario.source
+    assert not any("solves_in_time" in event for event in source["events"])
 
 
 def test_the_outcome_of_a_push_on_the_page_is_that_in_the_metrics_of_the_saved_walk():

@@ -15,8 +15,9 @@ FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)
 
 
 @pytest.fixture
-def runner() -> Iterator[Runner]:
-    """Not started: what drives is known before the first tick."""
+def runner(monkeypatch) -> Iterator[Runner]:
+    """Not started: what drives is known before the first tick. Holds last for longer than a test."""
+    monkeypatch.setattr(runner_module, "TELEOP_TIMEOUT", 600.0)
     runner = Runner(load_robot("hrp2"), Parameters())
     yield runner
     runner.stop()
@@ -34,10 +35,11 @@ def test_client_that_was_overtaken_is_not_heard_until_it_takes_hold_anew(runner)
 
 
 def test_held_control_drives_again_when_nobody_else_does(runner, monkeypatch):
-    monkeypatch.setattr(runner_module, "TELEOP_TIMEOUT", 0.01)
     one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
     one.steer(FORWARD, "joystick", engagement=1)
-    other.steer(BACK, "joystick", engagement=1)
+    with monkeypatch.context() as patch:
+        patch.setattr(runner_module, "TELEOP_TIMEOUT", 0.01)
+        other.steer(BACK, "joystick", engagement=1)
     time.sleep(0.02)
     assert runner.active_driver == ("none", "")
     one.steer(FORWARD, "joystick", engagement=1)

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -184,30 +184,42 @@ def clients(viser_server) -> ClientRegistry:
     return clients
 
 
-def own_suns(server: viser.ViserServer, path: str) -> list[bool]:
-    """Shadows of the suns that only the client of this path has, True where a sun casts them."""
+def own_suns(server: viser.ViserServer, path: str, is_settled: Callable[[Any], bool] | None = None) -> list[bool]:
+    """Shadows of the suns that only the client of this path has, True where a sun casts them.
+
+    Args:
+        server: that it opens.
+        path: of its websocket.
+        is_settled: tells from the client's handle that it has what it gets of its own; by default some time has to do.
+    """
     address = f"ws://127.0.0.1:{server.get_port()}{path}"
     earlier = set(server.get_clients())  # which may not have noticed that they are gone
     with connect_blocking(address, subprotocols=[PROTOCOL], max_size=None) as browser:
         browser.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))
         wait_for(lambda: bool(set(server.get_clients()) - earlier))
-        time.sleep(SETTLED)
         (new,) = set(server.get_clients()) - earlier
-        sun: Any = server.get_clients()[new].scene.get_handle_by_name("/light/key")
+        client = server.get_clients()[new]
+        if is_settled is None:
+            time.sleep(SETTLED)
+        else:
+            wait_for(lambda: is_settled(client))
+        sun: Any = client.scene.get_handle_by_name("/light/key")
         return [] if sun is None else [sun.cast_shadow]
+
+
+def has_sun(client: viser.ClientHandle) -> bool:
+    return client.scene.get_handle_by_name("/light/key") is not None
 
 
 @pytest.mark.usefixtures("clients")
 def test_only_light_clients_are_spared_the_shadows(viser_server):
     assert own_suns(viser_server, "/") == []
-    assert own_suns(viser_server, f"{LIGHT_PATH}?client=mine") == [False]
+    assert own_suns(viser_server, f"{LIGHT_PATH}?client=mine", has_sun) == [False]
 
 
 def test_scene_tells_which_page_it_belongs_to_until_it_is_closed(viser_server, clients):
     pages: list[str] = []
     viser_server.on_client_connect(lambda client: pages.append(clients.page(client)))
-    own_suns(viser_server, "/?client=mine")
-    assert pages == ["mine"]
+    own_suns(viser_server, "/?client=mine", lambda _: pages == ["mine"])
     wait_for(lambda: not clients.is_open("mine"))
-    own_suns(viser_server, "/")
-    assert pages == ["mine", ""]
+    own_suns(viser_server, "/", lambda _: pages == ["mine", ""])

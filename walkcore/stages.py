@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import count
 from typing import Protocol
 
 
@@ -60,5 +61,45 @@ TimeLeft = Callable[[], float]
 
 
 def unlimited() -> float:
-    """The time left where none is limited, as in every scripted walk: what is decided then depends on no clock."""
+    """The time left where none is limited, as in a scripted walk: what is decided then depends on no clock."""
     return math.inf
+
+
+class CountedTime:
+    """Time left of one tick, which notes when it was over, so that the tick can be decided the same again.
+
+    What a decision does depends on the clock only by whether there was time left each time that it asked.
+    """
+
+    def __init__(self, time_left: TimeLeft) -> None:
+        """Begin to count.
+
+        Args:
+            time_left: reads the clock.
+        """
+        self._time_left = time_left
+        self._nb_in_time, self._is_over = 0, False
+
+    def __call__(self) -> float:
+        """Time left [s]; once it was over, there is never any again."""
+        left = 0.0 if self._is_over else self._time_left()
+        self._is_over = left <= 0.0
+        self._nb_in_time += not self._is_over
+        return left
+
+    @property
+    def solves_in_time(self) -> int | None:
+        """Number of times that there was time left before there was none; None if there always was."""
+        return self._nb_in_time if self._is_over else None
+
+
+def time_of_solves(solves_in_time: int | None) -> TimeLeft:
+    """Time left of a tick that goes out of time as another one did.
+
+    Args:
+        solves_in_time: as `CountedTime` counted; None for time without limit.
+    """
+    if solves_in_time is None:
+        return unlimited
+    numbers = count()
+    return lambda: math.inf if next(numbers) < solves_in_time else 0.0

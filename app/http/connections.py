@@ -1,4 +1,4 @@
-"""Connections of the port: sent without delay, counted, and closed where no request comes.
+"""Connections of the port: sent without delay, counted, closed where no request comes, and ended without noise.
 
 A connection that sends its request a byte at a time holds a descriptor, and a few hundred of them all that a process
 may have. So a request has a deadline from its first moment on, and connections that wait for one are few: where there
@@ -13,7 +13,12 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import h11
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import CloseCode
 
 SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
 REQUEST_TIMEOUT = 10.0  # [s] from the first byte of a request, or the connection's beginning, to its last
@@ -21,6 +26,7 @@ MAX_WAITING = 128  # connections without a request, all addresses together
 MAX_OPEN = 768  # connections
 MAX_OPEN_BY_ADDRESS = 256  # connections; a proxy's address stands for all that come by it
 DESCRIPTORS = 4096  # that are requested of the system
+FLUSH_TIMEOUT = 0.3  # [s] a websocket's reader has to take what it was sent when the server stops
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
@@ -163,3 +169,71 @@ class LimitedProtocol(H11Protocol):
 def limited_protocol() -> type[LimitedProtocol]:
     """A protocol class for one server, with its own count of connections."""
     return type("ServerProtocol", (LimitedProtocol,), {"limits": Connections()})
+
+
+class QuietWebsocket(WebSocketsSansIOProtocol):
+    """uvicorn's protocol for websockets, whose end is always a disconnect for the handler that uses it."""
+
+    async def send(self, message: Any) -> None:
+        """Send; raises `ClientDisconnected` where the connection was closed from outside the handler.
+
+        That is after a broken frame, where nobody responds to pings, or as the server stops: uvicorn raises
+        `RuntimeError` until the connection is gone.
+        """
+        try:
+            await super().send(message)
+        except RuntimeError as error:
+            if self.transport.is_closing():
+                raise ClientDisconnected from error
+            raise
+
+    def send_receive_event_to_app(self) -> None:
+        """Hand a message on; one of text that is no UTF-8 ends the connection, and uvicorn would log a traceback."""
+        if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
+            self.conn.send_close(CloseCode.INVALID_DATA)
+            self.handle_parser_exception()
+        else:
+            super().send_receive_event_to_app()
+
+    def keepalive_timeout(self) -> None:
+        """Give up a connection whose client does not respond, with what it was sent: nobody takes that any more."""
+        super().keepalive_timeout()
+        self.transport.abort()
+
+    def shutdown(self) -> None:
+        """Close the connection as the server stops; a reader that takes nothing is not waited for."""
+        super().shutdown()
+        self.loop.call_later(FLUSH_TIMEOUT, self.transport.abort)
+
+
+def _is_text(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+class EndingMiddleware:
+    """Ends what is still under way a while after the server was stopped: uvicorn cancels it, and would log each."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        """Run `app`."""
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on; a request that is cancelled before its response has begun is refused with 503."""
+        is_begun = False
+
+        async def noted_send(message: Message) -> None:
+            nonlocal is_begun
+            is_begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noted_send)
+        except asyncio.CancelledError:
+            if scope["type"] == "lifespan":
+                raise
+            if scope["type"] == "http" and not is_begun:
+                await JSONResponse({"detail": "the server stops", "errors": []}, status_code=503)(scope, receive, send)

@@ -20,7 +20,7 @@ from walkcore.plant.world import LIMITS as WORLD_LIMITS
 from walkcore.plant.world import MAX_SEED, SENSORS, World
 from walkcore.pushes import MAX_PUSHES
 from walkcore.scenario.expectations import METRICS
-from walkcore.scenario.scenario import MAX_DURATION
+from walkcore.scenario.scenario import MAX_DURATION, MAX_SOLVES
 from walkcore.state import COM, FLIGHT, FOOT, HIGHEST, KEYS, MAX_SAMPLES, OFFSET, OPTIONAL_KEYS
 from walkcore.values import FARTHEST, MAX_TICK
 
@@ -141,6 +141,9 @@ EVENT = _object(
     over=_number("Time that the reference takes to get there, by a ramp [s].", 0.0, MAX_DURATION, default=0.0),
     push=PUSH,
     parameters=PARAMETERS | {"description": "Parameters that change, from then on."},
+    solves_in_time=_optional(
+        _whole("Solves that this one tick of a saved live walk had the time for; null for all.", 0, MAX_SOLVES)
+    ),
 )
 RETIMING = _complete(
     "Other durations than those of the parameters, chosen by adaptive step timing; null for none.",

@@ -20,6 +20,7 @@ from websockets.exceptions import WebSocketException
 from app.http.page import viser_page
 from app.http.seats import Seats
 from app.http.token import role_of
+from app.http.turns import ReadBudget
 from app.viewer import LIGHT_PATH, Viewer
 from app.viewer.transport.client_messages import ClientMessages, ForbiddenMessageError
 
@@ -27,8 +28,6 @@ logger = logging.getLogger(__name__)
 
 CLOSE_TIMEOUT = 0.2  # [s] viser's response to a close is waited for; behind poses that nobody takes it never comes
 FORWARD_PERIOD = 1.0 / 30.0  # [s] from one handing on of a browser's messages to the next
-MAX_RATE = 120.0  # messages that are read of one browser a second; a person's camera sends 50, a slider 20
-BURST = 30  # messages that are read at once
 COST_OF_CONTROLS = 4  # messages that one to a control counts as: it goes to every browser, and calls back
 TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
 
@@ -107,9 +106,8 @@ async def _relay(browser: WebSocket, upstream: ClientConnection, messages: Clien
                 refusal = str(error)
                 return
             cost = COST_OF_CONTROLS if is_control else 1
-            await asyncio.sleep(
-                budget.take(time.monotonic(), cost)
-            )  # meanwhile nothing is read: the sender has to wait
+            # Meanwhile nothing is read: the sender has to wait.
+            await asyncio.sleep(budget.take(time.monotonic(), cost))
 
     async def forward() -> None:
         while True:
@@ -130,21 +128,3 @@ async def _relay(browser: WebSocket, upstream: ClientConnection, messages: Clien
         logger.warning("a browser was disconnected from the scene for its message: %.100r", refusal)
         with suppress(WebSocketDisconnect):
             await browser.close(POLICY_VIOLATION)
-
-
-class ReadBudget:
-    """Rate at which the messages of one browser are read."""
-
-    def __init__(self) -> None:
-        """Start with all of the burst."""
-        self._due = 0.0
-
-    def take(self, now: float, cost: int = 1) -> float:
-        """Count a message, and return how long to wait before the next is read [s].
-
-        Args:
-            now: time of any clock that only goes forward [s].
-            cost: messages that it counts as.
-        """
-        self._due = max(self._due, now - BURST / MAX_RATE) + cost / MAX_RATE
-        return max(0.0, self._due - now)

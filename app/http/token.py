@@ -113,7 +113,7 @@ class TokenMiddleware:
         if scope["type"] not in ("http", "websocket") or (scope["type"] == "http" and scope["path"] in OPEN):
             await self._app(scope, receive, send)
             return
-        headers, address = Headers(scope=scope), _address(scope)
+        headers, address = Headers(scope=scope), address_of(scope)
         given = _bearer(headers)
         wait = 0.0 if given is None else self._tokens.wait(address)
         role = self._tokens.role_by_cookie(headers)
@@ -134,7 +134,8 @@ def _only_looks(scope: Scope) -> bool:
     return scope["path"] != TELEOP if scope["type"] == "websocket" else scope["method"] in READING
 
 
-def _address(scope: Scope) -> str:
+def address_of(scope: Scope) -> str:
+    """Address of the client of a request or a websocket; "" where it has none."""
     client = scope.get("client")
     return client[0] if client else ""
 
@@ -178,7 +179,7 @@ def signin_router(tokens: Tokens, form: Path) -> APIRouter:
 
     @router.post(SIGN_IN)
     async def sign_in(request: Request) -> Response:
-        fields, address = parse_qs((await request.body()).decode("latin-1")), _address(request.scope)
+        fields, address = parse_qs((await request.body()).decode("latin-1")), address_of(request.scope)
         place = _local_place(fields.get("next", ["/"])[0])
         wait = math.ceil(tokens.wait(address))
         role = tokens.role_by_token(fields.get("token", [""])[0].encode(), address)

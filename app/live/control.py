@@ -27,7 +27,7 @@ from walkcore.mpc.regions import HalfPlanes
 from walkcore.mpc.stance import Side
 from walkcore.mpc.supports import CaptureSets
 from walkcore.plant.world import PERFECT, World
-from walkcore.stages import Stopwatch, TimeLeft, unlimited
+from walkcore.stages import CountedTime, Stopwatch, TimeLeft, unlimited
 from walkcore.state import SimulationState
 
 logger = logging.getLogger(__name__)
@@ -313,9 +313,10 @@ class Control:
             self._command = NO_REFERENCE
         command = Command(self._command.reference, self._next_push())
         self._log.begin()
-        snapshot = self._simulation.step(command, time_left)
+        counted = CountedTime(time_left)
+        snapshot = self._simulation.step(command, counted)
         self._scheduler.record(self._clock() - started, self._stopwatch.laps)
-        self._log.end(command, snapshot)
+        self._log.end(command, snapshot, counted.solves_in_time)
         self._recovery.update(balance_state(snapshot, self._robot.mass))
         self._twin.update(snapshot)
         self._show(

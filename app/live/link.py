@@ -69,6 +69,8 @@ class ControlLink:
         self.created: Future[LiveState] = Future()
         """The first state of the robot; fails with a `WalkError` if it cannot stand."""
         self._waiting: dict[int, tuple[Future[Any], Callable[[Any], Any]]] = {0: (self.created, _unchanged)}
+        self._takers: dict[int, Callable[[Any], object]] = {}
+        """Functions that take the items of lists, by the numbers of their requests."""
         self._seen: tuple[int, float, LiveState] | None = None
         self.end = ""
         """Why the process is gone; empty while it lives."""
@@ -125,7 +127,11 @@ class ControlLink:
             self._memory.push.write(pickle.dumps(push))
 
     def request(
-        self, method: Callable[..., Any], *arguments: Any, convert: Callable[[Any], Any] | None = None
+        self,
+        method: Callable[..., Any],
+        *arguments: Any,
+        convert: Callable[[Any], Any] | None = None,
+        take_item: Callable[[Any], object] | None = None,
     ) -> Future[Any]:
         """Have a method of `Control` called in the process.
 
@@ -133,6 +139,8 @@ class ControlLink:
             method: of the class.
             arguments: for it.
             convert: applied to what it returned, in the thread that receives responses.
+            take_item: called there with each item of the list that it returned, which is then empty; None leaves them
+                in the list.
 
         Returns:
             The response; fails with what the method raised, or with `NoResponseError`.
@@ -147,6 +155,8 @@ class ControlLink:
                 response.set_exception(NoResponseError(refusal))
             else:
                 self._waiting[number] = (response, convert or _unchanged)
+                if take_item is not None:
+                    self._takers[number] = take_item
         return response
 
     def _refusal(self, request: Request) -> str:
@@ -178,7 +188,7 @@ class ControlLink:
         self._socket.close()
 
     def _receive(self) -> None:
-        parts = ResponseParts()
+        parts = ResponseParts(self._take_item)
         try:
             with suppress(ConnectionError):
                 while message := self._socket.recv(MAX_MESSAGE):
@@ -197,15 +207,24 @@ class ControlLink:
         with self._lock:
             self.end = f"the control process has ended: {_exit_reason(self._process.returncode)}; it starts again"
             waiting, self._waiting = self._waiting, {}
+            self._takers.clear()
         self.ended.set()
         for response, _ in waiting.values():
             if response.set_running_or_notify_cancel():
                 response.set_exception(NoResponseError(self.end))
 
+    def _take_item(self, number: int, item: Any) -> bool:
+        with self._lock:  # which whoever requests holds until the taker is known
+            taker = self._takers.get(number)
+        if taker is not None:
+            taker(item)
+        return taker is not None
+
     def _deliver(self, number: int, value: Any) -> None:
         """Give a response to the request of that number."""
         with self._lock:
             waiting = self._waiting.pop(number, None)
+            self._takers.pop(number, None)
         if waiting is None or not waiting[0].set_running_or_notify_cancel():
             return
         response, convert = waiting

@@ -101,8 +101,14 @@ def _value_parts(number: int, value: Any, kind: PartKind) -> Iterator[bytes]:
 class ResponseParts:
     """Parts of responses that are not complete yet. Belongs to one thread."""
 
-    def __init__(self) -> None:
-        """Begin without any."""
+    def __init__(self, take_item: Callable[[int, Any], bool] = lambda _, __: False) -> None:
+        """Begin without any.
+
+        Args:
+            take_item: called with the number of a request and each item of a list that responds to it; True if it took
+                the item, which is then not in the list.
+        """
+        self._take_item = take_item
         self._begun: dict[int, bytes] = {}
         self._items: dict[int, list[Any]] = {}
 
@@ -113,7 +119,9 @@ class ResponseParts:
         if kind == PartKind.MORE:
             self._begun[number] = data
         elif kind == PartKind.ITEM:
-            self._items.setdefault(number, []).append(pickle.loads(data))
+            item = pickle.loads(data)
+            if not self._take_item(number, item):
+                self._items.setdefault(number, []).append(item)
         elif kind == PartKind.LIST:
             return number, self._items.pop(number, [])
         else:

@@ -20,7 +20,15 @@ from contextlib import suppress
 from app.live.channel import ControlMemory
 from app.live.control import Control, NothingToSaveError, NotPausedError
 from app.live.live_state import LiveState
-from app.live.messages import MAX_MESSAGE, Request, RequestFailedError, has_sent, reason, response_parts
+from app.live.messages import (
+    MAX_MESSAGE,
+    NoResponseError,
+    Request,
+    RequestFailedError,
+    has_sent,
+    reason,
+    response_parts,
+)
 from walkcore import WalkError
 
 logger = logging.getLogger(__name__)
@@ -117,7 +125,7 @@ class ControlProcess:
         return False
 
     def _respond(self, control: Control, message: bytes) -> None:
-        """Carry out a request, unless nobody waits for it any more; no request ends the process."""
+        """Carry out a request, unless it has waited for too long; no request ends the process."""
         try:
             request = pickle.loads(message)
             assert isinstance(request, Request)
@@ -125,6 +133,7 @@ class ControlProcess:
             logger.exception("a message of %d bytes is no request", len(message))
             return
         if time.perf_counter() > request.expires_at:
+            self._send(request.number, NoResponseError("the control process had no time for it"))
             return
         try:
             response = request.method(control, *request.arguments)

@@ -12,10 +12,11 @@ client that was overtaken is heard again only when it takes hold anew, or when n
 import math
 import random
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import cached_property
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -220,22 +221,34 @@ class Runner:
         pushes = RandomPushes(strength, interval, seed) if strength else None
         return self._request(Control.push_at_random, pushes)
 
-    def save(self, is_before_reset: bool = False) -> Future[list[bytes]]:
-        """The last minute since the last reset, or of the walk before it; `NothingToSaveError` if there was none.
+    def save(self, is_before_reset: bool = False) -> Iterator[bytes]:
+        """The last minute since the last reset, or of the walk before it, as it comes from the control process.
 
-        As `Session.unpacked` reads it: to unpack it is work for a process that has the time.
+        It is requested at once; to go on with the iterator waits. The items are as `Session.unpacked` reads them: to
+        unpack them is work for a process that has the time. Nothing here keeps them, which would be 30 MB.
+
+        Raises:
+            NothingToSaveError: from the iterator, if there was no walk before.
+            NoResponseError: from the iterator, if the control process does not respond.
         """
-        return self._request(Control.save, is_before_reset)
+        items = SimpleQueue[bytes | Future[Any]]()
+        response = self._request(Control.save, is_before_reset, take_item=items.put)
+        response.add_done_callback(items.put)
+        return _until_done(items)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self._supervisor.parameters = parameters
         return parameters
 
     def _request(
-        self, method: Callable[..., Any], *arguments: Any, convert: Callable[[Any], Any] | None = None
+        self,
+        method: Callable[..., Any],
+        *arguments: Any,
+        convert: Callable[[Any], Any] | None = None,
+        take_item: Callable[[Any], object] | None = None,
     ) -> Future[Any]:
         try:
-            return self._supervisor.link.request(method, *arguments, convert=convert)
+            return self._supervisor.link.request(method, *arguments, convert=convert, take_item=take_item)
         except NoResponseError as error:
             response: Future[Any] = Future()
             response.set_exception(error)
@@ -246,6 +259,13 @@ class Runner:
         time_left = self._expires_at - time.perf_counter()
         if time_left > 0.0:
             link.set_reference(replace(self._command, expires_after=time_left))
+
+
+def _until_done(items: SimpleQueue[bytes | Future[Any]]) -> Iterator[bytes]:
+    """The items in front of a future, which may fail instead."""
+    while not isinstance(item := items.get(), Future):
+        yield item
+    item.result()
 
 
 class TeleopClient:

@@ -40,6 +40,8 @@ class Segment:
     """Parameters that came into force before a tick, by its index in this segment."""
     world: World = PERFECT
     """World that the plant stands in."""
+    solves_in_time: dict[int, int] = field(default_factory=dict)
+    """Solves that the ticks without time for all of theirs had it for, by their index in this segment."""
 
 
 class SessionLog:
@@ -69,9 +71,17 @@ class SessionLog:
         now = self._simulation
         self._growing = Segment(now.parameters, now.state, world=now.world)
 
-    def end(self, command: Command, snapshot: Snapshot) -> None:
-        """Add the tick that `begin` announced."""
+    def end(self, command: Command, snapshot: Snapshot, solves_in_time: int | None = None) -> None:
+        """Add the tick that `begin` announced.
+
+        Args:
+            command: of the tick.
+            snapshot: that came of it.
+            solves_in_time: see `walkcore.stages.CountedTime`.
+        """
         assert self._growing is not None
+        if solves_in_time is not None:
+            self._growing.solves_in_time[len(self._growing.ticks)] = solves_in_time
         self._growing.ticks.append((command, _light(snapshot)))
 
     def change(self, parameters: Parameters) -> None:
@@ -121,7 +131,10 @@ class Session:
     @classmethod
     def unpacked(cls, segments: list[bytes]) -> "Session":
         """The session that `SessionLog.segments` packed."""
-        return cls([pickle.loads(segment) for segment in segments])
+        found: list[Segment] = [pickle.loads(segment) for segment in segments]
+        # A state does not hold the last plan, with which a tick without time goes on: such a one cannot come first.
+        start = next((i for i, segment in enumerate(found) if 0 not in segment.solves_in_time), 0)
+        return cls(found[start:])
 
     def recording(self, name: str, robot: Robot) -> Recording:
         """The recording of the walk as it happened: nothing is simulated again.
@@ -133,10 +146,16 @@ class Session:
         ticks = [tick for segment in self.segments for tick in segment.ticks]
         first = self.segments[0]
         commands = [command for command, _ in ticks]
-        changes = dict(self._changes())
-        mapping = session_scenario(name, robot, first.parameters, first.state, commands, changes, first.world)
+        changes, solves = dict(self._changes()), dict(self._solves_in_time())
+        mapping = session_scenario(name, robot, first.parameters, first.state, commands, changes, first.world, solves)
         body = None if robot.body is None else WholeBody(robot.body)
         return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
+
+    def _solves_in_time(self) -> Iterator[tuple[int, int]]:
+        start = 0
+        for segment in self.segments:
+            yield from ((start + index, solves) for index, solves in segment.solves_in_time.items())
+            start += len(segment.ticks)
 
     def _changes(self) -> Iterator[tuple[int, Parameters]]:
         """Changed parameters, by the index of the tick before which they came into force."""

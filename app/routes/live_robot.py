@@ -121,8 +121,7 @@ async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: Save
     requested = body or SaveBody()
     name = requested.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
     with runs.sessions.place():
-        segments = await asyncio.wrap_future(runner.save(requested.before_reset))
-        run = await asyncio.to_thread(runs.add_session, segments, name, runner.robot)
+        run = await asyncio.to_thread(runs.add_session, runner.save(requested.before_reset), name, runner.robot)
     response.headers["Location"] = address(run.id)
     return RunBody.model_validate(run)
 

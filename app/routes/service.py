@@ -1,6 +1,7 @@
 """The server itself, and the robots and scenarios that ship with it."""
 
 import time
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -14,6 +15,7 @@ from app.live.runner import LiveState
 from app.routes.dependencies import AllRuns, LiveRunner
 from walkcore import load_robot, load_scenario, robot_names, scenario_names
 
+VERSION = version("walk")  # looking it up takes longer than all the rest of the health
 SLOW = 0.95  # real-time factor below which a walk is degraded
 
 router = APIRouter(prefix="/api/v1", tags=["service"])
@@ -33,7 +35,7 @@ async def health(request: Request, response: Response, runner: LiveRunner, runs:
     return Health(
         status="unhealthy" if trouble else "degraded" if reason else "ok",
         reason=reason,
-        version=version("walk"),
+        version=VERSION,
         robot=runner.robot.name,
         tick_rate=1.0 / runner.parameters.control_period,
         speed=state.speed,
@@ -65,12 +67,22 @@ async def metrics(request: Request) -> Response:
 @router.get("/robots")
 async def robots() -> list[RobotBody]:
     """The robots that ship, with the limits of references and pushes."""
-    return [robot_body(load_robot(name)) for name in robot_names()]
+    return _robots()
 
 
 @router.get("/scenarios")
 async def scenarios() -> list[dict[str, Any]]:
     """The scenarios that ship, as `walk run` takes them."""
+    return _scenarios()
+
+
+@cache
+def _robots() -> list[RobotBody]:
+    return [robot_body(load_robot(name)) for name in robot_names()]
+
+
+@cache
+def _scenarios() -> list[dict[str, Any]]:
     return [dict(load_scenario(name).source) for name in scenario_names()]
 
 

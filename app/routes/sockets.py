@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ReferenceBody, TeleopMessage, live_json
+from app.http.turns import ReadBudget
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, NoResponseError, Runner, TeleopClient
 from app.routes.dependencies import Lease, LiveRunner
@@ -21,6 +22,7 @@ from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
 MAX_MESSAGE = 4096  # characters
+MAX_RATE, BURST = 400.0, 100  # messages that are read a second and at once; a program may send one for each tick
 MAX_STREAMS = 250  # open at once
 TRY_AGAIN_LATER = 1013
 EARLY = 1e-3  # of a period: an event loop may wake so much before a time, and would send twice
@@ -100,7 +102,7 @@ async def teleop(
     name = client or secrets.token_hex(8)
     teleop_client = TeleopClient(runner, name)
     with suppress(WebSocketDisconnect), lease.present(name):
-        refused = ""
+        refused, budget = "", ReadBudget(MAX_RATE, BURST)
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
                 _obey(message.get("text") or "", teleop_client, lease, name)
@@ -113,6 +115,7 @@ async def teleop(
                 await socket.send_json({"error": summary(field_errors(error.errors()))})
             except (InvalidValueError, NoResponseError) as error:
                 await socket.send_json({"error": str(error)})
+            await asyncio.sleep(budget.take(time.monotonic()))
 
 
 def _obey(text: str, client: TeleopClient, lease: DriverLease, name: str) -> None:

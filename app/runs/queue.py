@@ -98,8 +98,9 @@ class RunQueue:
                 if run is not None:
                     return run
                 is_blocked = self._store.has_work()  # by the disk, which may have space in a while
-                timeout = RETRY_PERIOD if is_blocked else None if process is None else IDLE_TIMEOUT
-                if not self._wake.wait(timeout) and not is_blocked:
+                is_idle = process is not None and not is_blocked
+                # It looks without anything to do, too: of a run that the disk did not take nobody tells it.
+                if not self._wake.wait(IDLE_TIMEOUT if is_idle else RETRY_PERIOD) and is_idle:
                     return None
         return None
 

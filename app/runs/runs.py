@@ -3,7 +3,7 @@
 import logging
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,9 +84,10 @@ class Runs:
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
                 raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
-            run = self._store.add(scenario, admitted.robot.name, admitted.duration)
-        self._queue.wake()
-        return run
+            try:
+                return self._store.add(scenario, admitted.robot.name, admitted.duration)
+            finally:
+                self._queue.wake()  # to begin with it, or to try the disk again that did not take it
 
     def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
         """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done.
@@ -112,7 +113,7 @@ class Runs:
         self._trim()
         return self._store.get(run.id)
 
-    def add_session(self, segments: Sequence[bytes], name: str, robot: Robot) -> Run:
+    def add_session(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
         """Keep a walk that was driven live as a run that is done; see `SessionKeeper.keep`."""
         run = self.sessions.keep(segments, name, robot)
         self._trim()

@@ -1,7 +1,12 @@
-"""Walks that were driven live become runs, one at a time, each worked out and written by a process of its own."""
+"""Walks that were driven live become runs, one at a time, each worked out and written by a process of its own.
 
+A session has 30 MB. It goes to a file as it comes from the control process, and that process reads it from there: the
+server never holds it, neither for its own memory's sake nor for the time of its other threads.
+"""
+
+import struct
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +20,18 @@ from app.runs.store import RunStore
 from walkcore import Robot
 
 NICENESS = 5  # of 19: a person waits for it, but the live walk goes before
-MAX_SAVES = 4  # sessions that may be under way: each holds some megabytes
+MAX_SAVES = 4  # sessions that may be under way: each has its file
 RETRY_AFTER = 10  # [s]
+SEGMENTS = "segments"  # file of a session that is being written
+LENGTH = struct.Struct("<Q")  # bytes of the segment that follows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WriteSession:
     """Job that writes the files of a session's run."""
 
-    segments: Sequence[bytes]
-    """The session as `SessionLog.segments` packs it."""
+    segments: Path
+    """File of the session as `write_segments` wrote it; it is removed."""
     name: str
     """Name of the scenario that leads to the same walk."""
     robot: Robot
@@ -34,9 +41,30 @@ class WriteSession:
 
     def __call__(self, _: Report) -> tuple[dict[str, Any], float]:
         """Write, and return the scenario and its duration [s]."""
-        recording = Session.unpacked(list(self.segments)).recording(self.name, self.robot)
+        segments = list(read_segments(self.segments))
+        self.segments.unlink()
+        recording = Session.unpacked(segments).recording(self.name, self.robot)
         recording.write(self.folder)
         return dict(recording.scenario.source), recording.scenario.duration
+
+
+def write_segments(segments: Iterable[bytes], path: Path) -> None:
+    """Write a session as `SessionLog.segments` packs it, segment by segment.
+
+    Raises:
+        OSError: if the disk does not take it.
+    """
+    with path.open("wb") as file:
+        for segment in segments:
+            file.write(LENGTH.pack(len(segment)))
+            file.write(segment)
+
+
+def read_segments(path: Path) -> Iterator[bytes]:
+    """The segments of a session in a file."""
+    with path.open("rb") as file:
+        while length := file.read(LENGTH.size):
+            yield file.read(*LENGTH.unpack(length))
 
 
 class SessionKeeper:
@@ -64,11 +92,11 @@ class SessionKeeper:
         finally:
             self._places.release()
 
-    def keep(self, segments: Sequence[bytes], name: str, robot: Robot) -> Run:
+    def keep(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
         """Write a session, and take it in as a run that is done.
 
         Args:
-            segments: as `SessionLog.segments` packs them.
+            segments: as `SessionLog.segments` packs them; they may still come.
             name: of the run.
             robot: that walked.
 
@@ -78,10 +106,11 @@ class SessionKeeper:
         draft_id, run = uuid4().hex, None
         try:
             draft = self._store.unfinished(draft_id)
+            write_segments(segments, draft / SEGMENTS)
             with self._turn:
                 if self._is_stopping:
                     raise RunsUnavailableError("the server stops", RETRY_AFTER)
-                scenario, duration = self._write(WriteSession(segments, name, robot, draft))
+                scenario, duration = self._write(WriteSession(draft / SEGMENTS, name, robot, draft))
             run = self._store.add(scenario, robot.name, duration, status="running")
             draft.replace(self._store.unfinished(run.id))  # which is empty
             self._store.finish(run.id, None)

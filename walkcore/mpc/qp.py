@@ -75,7 +75,7 @@ class Solver(Protocol):
         Args:
             problem: of any size.
             stages: gets a lap when all is ready for the solver ("assemble") and when the solver is done ("solve").
-            time_left: for the solve; PIQP, whose iterations are few, only starts within it.
+            time_left: for the solve; PIQP, whose iterations are few, only starts within it, DAQP has to end, too.
 
         Raises:
             NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
@@ -134,6 +134,7 @@ class ActiveSetSolver:
             time_limit=limit if math.isfinite(limit) else 0.0,  # for DAQP, 0 is no limit
         )
         stages.lap("solve")
+        _check_time(problem, time_left())  # else whether DAQP came to its end would depend on its own clock
         if status != 1:  # no solution, or flat directions in which it got lost
             return self._fallback.solve(problem, stages, time_left)
         return _finite(Solution(np.asarray(u), np.asarray(information["lam"])), problem)

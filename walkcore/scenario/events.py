@@ -21,6 +21,8 @@ class Event:
     push: Push | None = None
     parameters: Parameters | None = None
     """All parameters, from then on."""
+    solves_in_time: int | None = None
+    """Solves that this one tick of a live walk had the time for, see `stages.CountedTime`; None for all."""
 
     def tick(self, control_period: float) -> int:
         """The first tick of the scenario that is not before the event.

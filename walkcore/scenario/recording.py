@@ -23,6 +23,7 @@ from walkcore.scenario.expectations import Verdict
 from walkcore.scenario.scenario import Scenario
 from walkcore.simulation import Simulation
 from walkcore.snapshot import PlantTick, Snapshot
+from walkcore.stages import time_of_solves
 from walkcore.values import Matrix, Vector
 
 PACKAGES = ("numpy", "piqp", "daqp", "pin", "pin-pink", "quadprog", "example-robot-data")
@@ -226,11 +227,11 @@ def record(scenario: Scenario, progress: Callable[[float], None] | None = None) 
 
 
 def _walked(simulation: Simulation, scenario: Scenario) -> Iterator[Snapshot]:
-    changes = list(scenario.parameter_changes())
+    changes, solves = list(scenario.parameter_changes()), scenario.solves_in_time()
     for tick, command in enumerate(scenario.commands()):
         while changes and changes[0][0] <= tick:
             simulation.change(changes.pop(0)[1])
-        yield simulation.step(command)
+        yield simulation.step(command, time_of_solves(solves.get(tick)))
 
 
 def collect(scenario: Scenario, snapshots: Iterable[Snapshot], body: WholeBody | None) -> Recording:

@@ -17,10 +17,11 @@ from walkcore.robot_file import load_robot
 from walkcore.scenario.events import Event, commands
 from walkcore.scenario.expectations import Expectation, expectations_from_mapping
 from walkcore.state import SimulationState, state_from_mapping
-from walkcore.values import check_keys, check_mapping, check_range, check_text
+from walkcore.values import check_keys, check_mapping, check_range, check_text, check_whole
 
 SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
+MAX_SOLVES = 1000  # of one tick: there are fewer than ten
 MAX_EVENTS = 20_000  # more than a minute of live walking has ticks
 KEYS = {"name", "description", "robot", "duration", "parameters", "world", "initial_state", "events", "expect"}
 
@@ -59,6 +60,12 @@ class Scenario:
         """Ticks, counted from the beginning of the scenario, before which other parameters come into force."""
         period = self.parameters.control_period
         return tuple((event.tick(period), event.parameters) for event in self.events if event.parameters is not None)
+
+    def solves_in_time(self) -> dict[int, int]:
+        """Solves that ticks of a live walk had the time for, where not all, by the tick from the beginning."""
+        period = self.parameters.control_period
+        solves = ((event.tick(period), event.solves_in_time) for event in self.events)
+        return {tick: nb for tick, nb in solves if nb is not None}
 
     def on_plant(self, plant: str, twin: bool = False) -> "Scenario":
         """The same scenario on another plant, with the dynamic filter, which contact physics needs.
@@ -173,7 +180,7 @@ def _events(listed: list[Any], robot: Robot, parameters: Parameters, duration: f
     for i, item in enumerate(listed):
         where = f"events[{i}]"
         data = check_mapping(where, item)
-        check_keys(where, data, {"t", "reference", "over", "push", "parameters"})
+        check_keys(where, data, {"t", "reference", "over", "push", "parameters", "solves_in_time"})
         found.append((where, data, check_range(f"{where}.t", data.get("t"), 0.0, duration)))
     events: list[Event] = []
     for where, data, t in sorted(found, key=lambda event: event[2]):
@@ -203,7 +210,10 @@ def _event(data: dict[str, Any], t: float, robot: Robot, parameters: Parameters)
         push = robot.check_push(Push(**values))
     if "parameters" in data:
         changed = _changed(parameters, check_mapping("parameters", data["parameters"]), robot)
-    return Event(t, reference, over, push, changed)
+    solves = data.get("solves_in_time")
+    if solves is not None:
+        check_whole("solves_in_time", solves, 0, MAX_SOLVES)
+    return Event(t, reference, over, push, changed, solves)
 
 
 def _parameters(values: dict[str, Any], robot: Robot) -> Parameters:

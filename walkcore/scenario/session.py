@@ -1,6 +1,7 @@
 """A walk that was driven live, as a scenario: replayed, it decides the same, tick for tick."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from walkcore.command import Command, Push, Reference
@@ -18,6 +19,7 @@ def session_scenario(
     commands: Sequence[Command],
     changes: Mapping[int, Parameters],
     world: World = PERFECT,
+    solves_in_time: Mapping[int, int] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """The mapping of a scenario, for `scenario_from_mapping`.
 
@@ -29,6 +31,7 @@ def session_scenario(
         commands: one a tick.
         changes: parameters that came into force just before a command, by its index.
         world: that the plant stood in.
+        solves_in_time: of the commands whose tick had no time for all of its solves, by their index.
     """
     events: list[dict[str, Any]] = []
     reference, in_force = Reference(), parameters
@@ -42,6 +45,8 @@ def session_scenario(
             event["reference"] = {"vx": reference.vx, "vy": reference.vy, "yaw_rate": reference.yaw_rate}
         if command.push is not None:
             event["push"] = _push(command.push)
+        if index in solves_in_time:
+            event["solves_in_time"] = solves_in_time[index]
         if event:
             events.append({"t": index * parameters.control_period} | event)
     return {
