@@ -93,13 +93,15 @@ export class Scene {
       document.body.style.setProperty("--beside", `${window.innerWidth - right}px`);
       document.body.style.setProperty("--below", `${window.innerHeight - bottom}px`);
     });
-    const arrivals = new window.MutationObserver(() => {
+    const observe = () => {
       const scene = inner.querySelector("[data-dock-root] > :first-child");
       if (!scene) return;
       arrivals.disconnect();
       sizes.observe(scene);
-    });
+    };
+    const arrivals = new window.MutationObserver(observe);
     arrivals.observe(inner.body, { childList: true, subtree: true });
+    observe();
   }
 
   showPanel(isShown) {
