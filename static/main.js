@@ -17,6 +17,7 @@ import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
 import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
+import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
 const status = new Status();
@@ -44,10 +45,22 @@ const dial = new PushDial({
   },
 });
 
+const views = new Views({
+  onTurn: (angle) => {
+    document.body.classList.toggle("is-turned", angle !== 0);
+    document.body.style.setProperty("--front", `${angle}rad`);
+    dial.setFront(angle);
+    driver.setFront(angle);
+  },
+});
+
 const actions = {
   zero: () => teleop.zero(),
   push: () => dial.push(),
   pause: () => time.toggle(),
+  standUp: () => status.hasFallen && time.reset(),
+  view: () => views.next(),
+  ...Object.fromEntries(Object.keys(VIEWS).map((name) => [name, () => views.choose(name)])),
   help: () => {
     lease.update();
     openDialog(element("help-dialog"));
@@ -55,7 +68,7 @@ const actions = {
 };
 const press = (action) => actions[action]();
 
-const stick = new Joystick(element("joystick"), { onChange: (x, y) => teleop.set("joystick", { forward: y, left: -x }) });
+const stick = new Joystick(element("joystick"), { onChange: (x, y) => teleop.set("joystick", views.inRobotFrame(x, y)) });
 const ring = new Joystick(element("turn"), { isOneAxis: true, onChange: (x) => teleop.set("joystick", { turn: -x }) });
 const keyboard = new Keyboard({ onChange: (axes) => teleop.set("keyboard", axes), onPress: press });
 const gamepads = new Gamepads({
@@ -68,12 +81,18 @@ const gamepads = new Gamepads({
 });
 const gamepadDialog = new GamepadDialog(gamepads);
 gamepadDialog.plugged(null);
-const scene = new Scene({ client: teleop.client, onLoad: (inner) => keyboard.attach(inner) });
+const scene = new Scene({
+  client: teleop.client,
+  onLoad: (inner) => {
+    keyboard.attach(inner);
+    views.attach(inner);
+  },
+});
 
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest)], ["save", saveRecording]]) {
+for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", saveRecording]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
     await act().catch(showError);
@@ -100,8 +119,9 @@ async function loadSession() {
   scene.setRole(role);
   driver.setRole(role);
   if (role === "viewer") teleop.disconnect();
-  const { name, limits } = robots.find((robot) => robot.name === health.robot);
+  const { name, limits, com_height: comHeight } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
+  views.fit(comHeight);
   teleop.setLimits(limits);
   dial.setLimit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];
@@ -121,11 +141,11 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, driver, time, pushReport, randomPushes]) part.show(live);
+    for (const part of [status, driver, time, pushReport, randomPushes, views]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;
     status.lost();
   },
 });
-offerLink();
+offerLink((view) => views.choose(view));

@@ -5,11 +5,7 @@ import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
-const VIEWS = {
-  wide: { position: "-2.45,1.75,1.55", lookAt: "0.15,0,0.78" },
-  tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
-  low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
-};
+const FIRST_CAMERA = { initialCameraPosition: "-2.9,1.2,2.1", initialCameraLookAt: "0.2,0,0.7" }; // until a view places it
 const ICONS = ["Commands", "Settings of the view"]; // in the head of viser's panel
 const LIGHT_PIXEL_RATIO = 0.6; // of the screen's own, along each side
 
@@ -38,8 +34,7 @@ export class Scene {
   }
 
   load() {
-    const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
-    const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
+    const query = new URLSearchParams(FIRST_CAMERA);
     const isLight = this.quality === "light";
     const socket = `${location.origin.replace("http", "ws")}/viewer${isLight ? "/light" : ""}`;
     query.set("websocket", `${socket}?client=${this.client}`);

@@ -70,6 +70,10 @@ export class Status {
     else this.set("walking", "walking");
   }
 
+  get hasFallen() {
+    return this.strip.dataset.state === "fallen";
+  }
+
   isAtLimit(live) {
     const now = performance.now();
     if (live.status === 1) this.limitEnds = now + LIMIT_SHOWN_FOR;

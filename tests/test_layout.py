@@ -14,7 +14,7 @@ SIZES = [
 ]  # fmt: skip
 WIDTHS, HEIGHTS = range(320, 1501, 59), range(360, 1101, 148)
 FONTS = ["Liberation Sans Narrow", "DejaVu Sans"]  # the narrowest and the widest here
-ALWAYS = {"zero", "stop", "speed", "reset", "help", "panel", "share", "save"}
+ALWAYS = {"zero", "stop", "speed", "reset", "help", "panel", "share", "save", "views"}
 PADS = {"joystick", "turn", "ring", "push", "strength", "random"}
 MORE = {"walking": set(), "paused": {"one-tick", "one-sample"}, "fallen": {"stand-up"}}
 
@@ -30,7 +30,7 @@ TROUBLE = """(required) => {
   const inner = inside.querySelector("[data-dock-root] > *").getBoundingClientRect();
   const scene = document.querySelector("main").getBoundingClientRect();
   const found = [];
-  const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #alarm-text";
+  const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text";
   const isThere = (e) =>
     !e.closest("dialog") && e.checkVisibility({visibilityProperty: true}) && (e.textContent || !e.matches(".caption"));
   const shown = [...document.querySelectorAll(controls)].filter(isThere);

@@ -82,10 +82,49 @@ def test_keys_drive_while_the_scene_has_the_focus(visit, api):
     page = visit()
     page.mouse.click(640, 300)
     assert page.evaluate("document.activeElement.id") == "viewer"
-    page.keyboard.down("j")
-    wait_for_reference(api, yaw_rate=1)
-    page.keyboard.up("j")
-    wait_for_reference(api)
+    for key, expected in {"j": {"yaw_rate": 1}, "d": {"yaw_rate": -1}, "w": {"vx": 1}, "q": {"vy": 1}}.items():
+        page.keyboard.down(key)
+        wait_for_reference(api, **expected)
+        page.keyboard.up(key)
+        wait_for_reference(api)
+
+
+FROM_THE_FRONT = """
+const world = {matrixWorld: {elements: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]}}; // z is three.js's y
+const camera = {matrixWorld: {elements: [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1]}}; // looks along -x
+const cameraControl = {rotate: () => {}, setLookAt: (...at) => (window.placed = at)};
+window.__viserMutable = {nodeRefFromName: {"/w": world}, camera, cameraControl};
+"""
+
+
+def test_stick_and_ring_mean_directions_of_the_picture(visit, api):
+    page = visit(before=FROM_THE_FRONT)
+    expect(page.locator("body")).to_have_class(re.compile("is-turned"))
+    mouse, (x, y) = Mouse(page), centre(page.get_by_test_id("joystick"))
+    mouse.drag((x, y), (x, y + 60))  # towards the viewer, whom the robot faces
+    wait_for_reference(api, vx=1)
+    mouse.lift()
+    mouse.drag((x, y), (x + 60, y))
+    wait_for_reference(api, vy=1)
+    mouse.lift()
+    x, y = centre(page.locator("#ring"))
+    page.mouse.click(x - 72, y)
+    page.keyboard.press("Space")
+    wait_for(lambda: live(api)["last_push"] is not None)
+    forward, left = live(api)["last_push"]["impulse"]
+    assert left < 0.0 and abs(forward) < 0.1
+
+
+def test_views_are_chosen_by_button_and_key_and_remembered(visit):
+    page = visit(before=FROM_THE_FRONT)
+    views = page.get_by_test_id("views")
+    chase = page.frames[1].evaluate("placed")
+    views.get_by_role("button", name="Front").click()
+    assert page.frames[1].evaluate("placed")[0] > 0.0 > chase[0]  # before the robot, and behind it
+    page.keyboard.press("4")
+    assert page.frames[1].evaluate("placed")[1] > 2.3  # above it
+    page.reload()
+    expect(views.get_by_role("button", name="Top")).to_have_attribute("aria-pressed", "true")
 
 
 def test_zero_stops_a_held_key_until_the_next_touch(visit, api):
@@ -194,7 +233,7 @@ def test_page_that_is_no_longer_seen_lets_go(visit, api):
 def test_hint_leaves_with_the_first_use_for_good(visit):
     page = visit()
     driver, push = page.get_by_test_id("driver"), page.get_by_test_id("last-push")
-    expect(driver).to_have_text("Drag to walk, or hold I")
+    expect(driver).to_have_text("Drag to walk, or hold W")
     expect(push).to_have_text("Aim the ring, then push")
     page.keyboard.press("j", delay=300)
     page.keyboard.press("Space")
@@ -269,10 +308,11 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         api.put("live/reference", json={"vx": 0.1})
         page = visit(**DESKTOP, permissions=["clipboard-read", "clipboard-write"])
         wait_for(lambda: live(api)["driver"] == "rest")
+        page.keyboard.press("3")
         page.get_by_role("button", name="Copy link").click()
         expect(page.locator("#notices")).to_contain_text("Link copied: scheme speed and jerk")
         link = page.evaluate("navigator.clipboard.readText()")
-        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=capture_point+trails&hide=robot&vx=0.1"
+        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=capture_point+trails&hide=robot&vx=0.1&view=side"
         assert link == f"{server.url}#{chosen}"
 
         api.patch("live/parameters", json=before)
@@ -281,6 +321,7 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         other = visit(link)
         expect(other.locator("#notices")).to_contain_text("changes the robot for everybody")
         assert api.get("live/parameters").json() == before
+        expect(other.get_by_role("button", name="Side")).to_have_attribute("aria-pressed", "true")
         other.get_by_role("button", name="Apply").click()
         expect(other.locator("#notices")).to_contain_text("Applied")
         assert api.get("live/parameters").json() == before | {"scheme": "speed_and_jerk", "alpha": 2e-6}
