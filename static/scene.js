@@ -1,6 +1,7 @@
 // Frame with the viser scene: its colours, camera, panel and render quality, and its reload after a lost connection.
 
 import { chosenQuality, suitableQuality, watchFrameRate } from "./render_quality.js";
+import { drawDotsOver } from "./draw_over.js";
 import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -25,6 +26,7 @@ export class Scene {
       nameControls(this.frame.contentWindow);
       keepArrows(this.frame.contentDocument);
       cancelDragOnBlur(this.frame.contentWindow);
+      drawDotsOver(this.frame.contentWindow);
       this.watch();
       onLoad(this.frame.contentWindow);
     });

@@ -8,7 +8,7 @@ const KEY = "walk.view";
 const DEGREE = Math.PI / 180;
 /** Degrees from the robot's heading to the camera, counter-clockwise; degrees above the horizon; metres in sight, and ahead. */
 export const VIEWS = {
-  chase: { label: "Chase", azimuth: 158, elevation: 27, extent: 2.0, ahead: 0.15 },
+  chase: { label: "Chase", azimuth: 150, elevation: 33, extent: 2.1, ahead: 0.15 },
   front: { label: "Front", azimuth: 35, elevation: 16, extent: 1.9, ahead: 0.1 },
   side: { label: "Side", azimuth: -90, elevation: 10, extent: 2.0, ahead: 0.15 },
   top: { label: "Top", azimuth: 180, elevation: 86, extent: 1.7, ahead: 0.2 },

@@ -73,6 +73,7 @@ def test_robot_is_visibly_there_and_moves(visit, api):
     viewer = page.get_by_test_id("viewer")
     with_robot = until_drawn(viewer)
     assert len(np.unique(with_robot.reshape(-1, 3), axis=0)) > 500
+    wait_for(lambda: page.frames[1].evaluate(DOTS_DRAWN_OVER) >= 4)
     api.put("live/reference", json={"vx": 0.2})
     watch(api, 1.5)
     assert np.mean(np.abs(picture(viewer) - with_robot) > 24) > 0.002
@@ -80,6 +81,13 @@ def test_robot_is_visibly_there_and_moves(visit, api):
 
 def picture(element: Locator) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(element.screenshot())).convert("RGB"), dtype=int)
+
+
+DOTS_DRAWN_OVER = """() => Object.entries(window.__viserMutable.nodeRefFromName).filter(([name, node]) => {
+  let isOver = false; // the feet, and neither lit nor toned down
+  node?.traverse((part) => (isOver ||= part.material?.depthTest === false && part.material.toneMapped === false));
+  return name.endsWith("/dot/face") && isOver;
+}).length"""
 
 
 def until_drawn(element: Locator) -> np.ndarray:

@@ -303,7 +303,7 @@ def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
 def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit, api, server):
     before, layers = api.get("live/parameters").json(), api.get("live/layers").json()
     try:
-        api.patch("live/layers", json={"capture_point": True, "trails": True, "robot": False}).raise_for_status()
+        api.patch("live/layers", json={"velocity": True, "trails": True, "robot": False}).raise_for_status()
         api.patch("live/parameters", json={"scheme": "speed_and_jerk", "alpha": 2e-6})
         api.put("live/reference", json={"vx": 0.1})
         page = visit(**DESKTOP, permissions=["clipboard-read", "clipboard-write"])
@@ -312,7 +312,7 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         page.get_by_role("button", name="Copy link").click()
         expect(page.locator("#notices")).to_contain_text("Link copied: scheme speed and jerk")
         link = page.evaluate("navigator.clipboard.readText()")
-        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=capture_point+trails&hide=robot&vx=0.1&view=side"
+        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=trails+velocity&hide=robot&vx=0.1&view=side"
         assert link == f"{server.url}#{chosen}"
 
         api.patch("live/parameters", json=before)
@@ -325,7 +325,7 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         other.get_by_role("button", name="Apply").click()
         expect(other.locator("#notices")).to_contain_text("Applied")
         assert api.get("live/parameters").json() == before | {"scheme": "speed_and_jerk", "alpha": 2e-6}
-        assert api.get("live/layers").json() == layers | {"capture_point": True, "trails": True, "robot": False}
+        assert api.get("live/layers").json() == layers | {"velocity": True, "trails": True, "robot": False}
         wait_for_reference(api, vx=1)
         assert other.url == server.url
     finally:

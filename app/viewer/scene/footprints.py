@@ -4,14 +4,14 @@ from itertools import zip_longest
 
 from app.drawing.palette import LEFT_FOOT, RIGHT_FOOT
 from app.viewer.scene.frame import PRINTS_PER_FOOT, Canvas, Frame
-from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, counter_clockwise, fan, raised
+from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, add_flat_picture, counter_clockwise
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot
 from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.values import Matrix
 
 FOOTHOLDS_PER_FOOT = 4  # of a long horizon; the default one has two
-FRESH_OPACITY = 0.8
+FRESH_OPACITY = 0.85
 PRINT_HEIGHT, PLAN_HEIGHT = 0.002, 0.004  # [m]
 GREYS = {Side.LEFT: LEFT_FOOT, Side.RIGHT: RIGHT_FOOT}
 
@@ -33,16 +33,9 @@ class PastFootprints:
         for side, names in self._names.items():
             sole = sole_outline(canvas.robot, side)
             for age, name in enumerate(names):
-                canvas.server.scene.add_mesh_simple(
-                    name,
-                    raised(sole, PRINT_HEIGHT),
-                    fan(len(sole)),
-                    color=GREYS[side],
-                    opacity=FRESH_OPACITY * (1.0 - age / PRINTS_PER_FOOT),
-                    cast_shadow=False,
-                    receive_shadow=False,
-                    visible=False,
-                )
+                opacity = FRESH_OPACITY * (1.0 - age / PRINTS_PER_FOOT)
+                canvas.server.scene.add_frame(name, show_axes=False, visible=False)
+                add_flat_picture(canvas.server, f"{name}/print", sole, GREYS[side], opacity, PRINT_HEIGHT)
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Draw the footprints, if a sole has come to the ground since they were drawn."""
@@ -83,7 +76,7 @@ class PlannedFootholds:
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
-        styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.22, thickness=2.5) for side, grey in GREYS.items()}
+        styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.34, thickness=4.0) for side, grey in GREYS.items()}
         self._marks = FootholdMarks(canvas, canvas.root, styles)
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:

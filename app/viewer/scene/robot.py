@@ -21,7 +21,6 @@ from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
 
 TRANSLUCENT = 0.3  # opacity
-FEET = 0.45  # opacity: the centres of pressure lie below them
 FALLEN_SHARE = 0.6  # of the colour of a fallen robot
 FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
 
@@ -39,22 +38,19 @@ class BodyDrawing:
         """Load and send the meshes once."""
         model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
         self._colours: dict[str, Colour] = {}
-        self._opacities: dict[str, float | None] = {}
         self._has_fallen = self._is_translucent = False
-        feet = {model.frames[model.getFrameId(body.sole(side))].parentJoint for side in Side}
         parts = body_parts(body, model, canvas.quality.face_ratio)
         nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):
             name = f"{nodes[part.joint]}/{index}"
-            opacity = FEET if part.joint in feet else None
-            self._colours[name], self._opacities[name] = part.colour, opacity
+            self._colours[name] = part.colour
             mesh = add_mesh(
                 canvas.server.scene,
                 name,
                 *part.quantised(),
                 color=part.colour,
-                opacity=opacity,
+                opacity=None,
                 side="double",  # shells of one layer, seen from inside where they are open
                 cast_shadow=True,
                 receive_shadow=False,
@@ -77,8 +73,8 @@ class BodyDrawing:
         is_translucent = "see_through" in frame.shown
         if is_translucent is not self._is_translucent:
             self._is_translucent = is_translucent
-            for name, solid in self._opacities.items():
-                opacity = TRANSLUCENT if is_translucent else solid
+            opacity = TRANSLUCENT if is_translucent else None
+            for name in self._colours:
                 updates.properties(name, opacity=opacity, cast_shadow=not is_translucent)
 
 
