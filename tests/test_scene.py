@@ -1,6 +1,7 @@
 """Truth of the scene: every node stands for something in the snapshot."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim, Canvas, F
 from app.viewer.scene.layers import LAYERS, Layer
 from app.viewer.scene.primitives import dot_picture
 from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away
+from app.viewer.scene.robot import LYING, Topple
 from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -310,3 +312,23 @@ def test_quantised_part_is_the_part():
     vertices, faces, step = part.quantised()
     assert vertices.dtype == np.int16 and faces.dtype == np.uint16
     assert vertices * step == pytest.approx(part.vertices, abs=2e-5)
+
+
+def test_body_without_physics_topples_about_the_edge_of_its_support_and_stands_up_again(walk):
+    updates, topple, snapshot = SceneUpdates(), Topple("/body"), walk[200]
+    fallen = replace(snapshot, status=Status.FALLEN, plan=None)
+
+    def turned(snapshot: Any) -> tuple[Rotation, np.ndarray]:
+        topple.update(updates, SimpleNamespace(snapshot=snapshot, elapsed=FRAME_TIME))  # pyright: ignore
+        wxyz = latest(updates, "wxyz")["/body"]
+        return Rotation.from_quat([*wxyz[1:], wxyz[0]]), np.array(latest(updates, "position")["/body"])
+
+    tilts = [turned(fallen)[0].magnitude() for _ in range(60)]
+    assert np.all(np.diff(tilts) >= 0.0) and tilts[-1] == pytest.approx(LYING, abs=1e-3)
+    rotation, shift = turned(fallen)
+    com = np.array([*snapshot.com.position, snapshot.com_height])
+    lying = rotation.apply(com) + shift
+    assert 0.0 < lying[2] < 0.4
+    way = snapshot.com.position - snapshot.stance.polygon.mean(axis=0)
+    assert (lying[:2] - com[:2]) @ way / np.linalg.norm(way) > 0.5  # to where it leant
+    assert turned(snapshot)[0].magnitude() == 0.0

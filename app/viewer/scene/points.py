@@ -21,6 +21,7 @@ from app.viewer.scene.primitives import add_dot, add_lines, path
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
 from walkcore.mpc.plan import Plan, Status
+from walkcore.mpc.regions import nearest_within
 from walkcore.values import Matrix, Vector
 
 TRAIL_HEIGHT, PREVIEW_HEIGHT = 0.007, 0.008  # [m]
@@ -88,22 +89,6 @@ def drawn_point(style: PointStyle, snapshot: Snapshot) -> Vector | None:
     return None if snapshot.status is Status.FALLEN else nearest_within(snapshot.stance.polygon, point)
 
 
-def nearest_within(polygon: Matrix, point: Vector) -> Vector:
-    """The point itself, or the nearest one of a convex polygon's border if it is outside.
-
-    Args:
-        polygon: counter-clockwise [m], shape (V, 2).
-        point: [m], shape (2,).
-    """
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    to_point = point - polygon
-    if np.all(edges[:, 0] * to_point[:, 1] - edges[:, 1] * to_point[:, 0] >= 0.0):
-        return point
-    along = np.clip(np.sum(edges * to_point, axis=1) / np.sum(edges * edges, axis=1), 0.0, 1.0)
-    feet = polygon + along[:, None] * edges
-    return feet[np.argmin(np.hypot(*(point - feet).T))]
-
-
 class PointDrawing:
     """Dot of one point, its trail, and its preview. The lines move with the CoM."""
 
@@ -168,6 +153,8 @@ class CentreOfMassDrawing:
         """Put ball, line and dot in place."""
         self._point.update(updates, frame)
         snapshot = frame.snapshot
+        lies_where_it_is_not_known = snapshot.status is Status.FALLEN and snapshot.plant is None
+        updates.visible(self._mass, not lies_where_it_is_not_known)
         updates.on_ground(self._mass, body_com(snapshot))
         height = round(snapshot.com_height if snapshot.plant is None else float(snapshot.plant.measured.com[2]), 3)
         if height != self._height:
