@@ -10,6 +10,9 @@ const FIRST = 10; // place in the order of drawing, after all that is not drawn 
 export function drawDotsOver(inner) {
   const check = inner.setInterval(() => {
     if (inner.closed) return inner.clearInterval(check);
+    for (const child of inner.__viserMutable?.scene?.children ?? []) {
+      if (child.line && child.cone) child.line.visible = child.cone.visible = false; // viser's arrow of a drag, over ours
+    }
     for (const [name, node] of Object.entries(inner.__viserMutable?.nodeRefFromName ?? {})) {
       if (!name.endsWith(DOT)) continue;
       const height = node?.parent?.position.z ?? 0; // the higher one is drawn later

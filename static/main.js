@@ -8,6 +8,7 @@ import { Gamepads } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
 import { notify } from "./notices.js";
+import { PRESETS, Presets } from "./presets.js";
 import { PushDial, PushReport, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
@@ -17,10 +18,12 @@ import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
 import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
+import { Tour } from "./tour.js";
 import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
 const status = new Status();
+let latest = {};
 
 /** Show an error: a refusal as a notice, a lost server in the strip. */
 function showError(error) {
@@ -29,9 +32,17 @@ function showError(error) {
 }
 const requestAndShow = (method, path, body) => request(method, path, body).catch(showError);
 
+/** Say that what was asked for waits, where it does. */
+function sayThatTimeStands() {
+  if (latest.running === false && latest.status !== 2) notify("Time stands still. This waits until you resume (P).");
+}
+
 const teleop = new Teleop({
   onRefusal: (text) => notify(text, { level: "bad" }),
-  onEngage: () => driver.dismissHint(),
+  onEngage: () => {
+    driver.dismissHint();
+    sayThatTimeStands();
+  },
 });
 const driver = new DriverDisplay(teleop);
 const lease = new DriverLease({ client: teleop.client, request: requestAndShow });
@@ -41,10 +52,13 @@ const randomPushes = new RandomPushes({ request: requestAndShow });
 const dial = new PushDial({
   onPush: (impulse) => {
     pushReport.dismissHint();
+    sayThatTimeStands();
     teleop.push(impulse);
   },
 });
 
+const presets = new Presets({ onError: showError });
+const tour = new Tour();
 const views = new Views({
   onTurn: (angle) => {
     document.body.classList.toggle("is-turned", angle !== 0);
@@ -130,7 +144,6 @@ async function loadSession() {
   element("turn-note").textContent = canTurn ? "" : "turning: not yet";
 }
 
-let latest = {};
 let wasLost = false;
 new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   timeout: 5000,
@@ -141,11 +154,13 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, driver, time, pushReport, randomPushes, views]) part.show(live);
+    for (const part of [status, driver, time, pushReport, randomPushes, views, presets]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;
     status.lost();
   },
 });
-offerLink((view) => views.choose(view));
+offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS });
+tour.offer();
+addEventListener("hashchange", () => location.reload()); // a link of the list of presets

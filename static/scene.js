@@ -5,9 +5,8 @@ import { drawDotsOver } from "./draw_over.js";
 import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
+const PANEL_KEY = "walk.panel";
 const FIRST_CAMERA = { initialCameraPosition: "-2.9,1.2,2.1", initialCameraLookAt: "0.2,0,0.7" }; // until a view places it
-const ICONS = ["Commands", "Settings of the view"]; // in the head of viser's panel
 const LIGHT_PIXEL_RATIO = 0.6; // of the screen's own, along each side
 
 export class Scene {
@@ -16,7 +15,7 @@ export class Scene {
     this.client = client;
     this.frame = document.getElementById("viewer");
     this.toggle = document.getElementById("panel");
-    this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
+    this.hasPanel = localStorage.getItem(PANEL_KEY) === "open"; // closed at the first visit
     this.quality = suitableQuality();
     this.stopWatching = () => {};
     this.role = "operator";
@@ -30,7 +29,10 @@ export class Scene {
       this.watch();
       onLoad(this.frame.contentWindow);
     });
-    this.toggle.addEventListener("click", () => this.showPanel(!this.hasPanel));
+    this.toggle.addEventListener("click", () => {
+      this.showPanel(!this.hasPanel);
+      localStorage.setItem(PANEL_KEY, this.hasPanel ? "open" : "closed");
+    });
     dark.addEventListener("change", () => this.load());
     this.load();
   }
@@ -109,14 +111,13 @@ export class Scene {
   }
 }
 
-/** Name viser's sliders and icons for assistive tools: those of a row get the name of its label. */
+/** Name viser's sliders for assistive tools: those of a row get the name of its label. */
 function nameControls({ document, MutationObserver }) {
   const name = () => {
     for (const label of document.querySelectorAll("p > label")) {
       const row = label.parentElement.parentElement.parentElement;
       for (const control of row.querySelectorAll("[role=slider], input")) control.ariaLabel ||= label.textContent;
     }
-    document.querySelectorAll(".mantine-ActionIcon-root").forEach((icon, i) => (icon.ariaLabel ||= ICONS[i] ?? ""));
   };
   new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
 }

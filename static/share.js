@@ -40,11 +40,17 @@ async function copied(text) {
 }
 
 /** Take the view in the address, and offer to apply its other choices: by a button, because they are for everybody. */
-export async function offerLink(onView) {
+export async function offerLink({ onView, onPreset, presets }) {
   const parts = [...new URLSearchParams(location.hash.slice(1))];
-  const { view, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
+  const { view, preset, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
   const forget = () => history.replaceState(null, "", location.pathname);
   if (view !== undefined) onView(view);
+  if (preset in presets) {
+    const actions = [{ text: "Play", onClick: () => onPreset(preset).catch((error) => notify(error.message, { level: "bad" })) }];
+    forget();
+    notify(`${presets[preset].title}: it starts the robot anew for everybody who watches.`, { actions });
+    return;
+  }
   if (!Object.keys(choices).length) return forget();
   const { speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
   const apply = async () => {
@@ -77,9 +83,12 @@ function value(text) {
 
 const inWords = (pairs) => pairs.map(([name, part]) => `${name} ${part}`.replaceAll("_", " ")).join(", ");
 
-/** Save the last minute of this robot as a recording. */
+const FILES = { html: "3-D replay", parquet: "data (Parquet)", csv: "data (CSV)", npz: "data (NumPy)", mcap: "data (MCAP, Foxglove)", json: "parameters" };
+
+/** Save the last minute of this robot as a recording, and offer the replay first. */
 export async function saveRecording() {
   const run = await request("POST", "live/save", {});
-  const files = Object.entries(run.files).map(([ending, href]) => ({ text: ending, href }));
+  const files = Object.entries(run.files).map(([ending, href]) => ({ text: FILES[ending] ?? ending, href, isFirst: ending === "html" }));
+  files.sort((one, other) => other.isFirst - one.isFirst);
   notify(`Saved the last ${Math.round(run.duration)} s as “${run.name}”.`, { actions: files });
 }

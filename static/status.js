@@ -82,6 +82,7 @@ export class Status {
 
   lost() {
     this.history.length = 0;
+    for (const id of ["reference", "reached", "phase", "tick", "factor"]) text(id, "–"); // what was is not what is
     this.set("lost", "no connection", "Connection lost, retrying …");
   }
 

@@ -32,7 +32,8 @@ TROUBLE = """(required) => {
   const found = [];
   const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text";
   const isThere = (e) =>
-    !e.closest("dialog") && e.checkVisibility({visibilityProperty: true}) && (e.textContent || !e.matches(".caption"));
+    !e.closest("dialog, #notices") && e.checkVisibility({visibilityProperty: true}) &&
+    (e.textContent || !e.matches(".caption"));
   const shown = [...document.querySelectorAll(controls)].filter(isThere);
   const ids = new Set(shown.map((e) => e.id));
   for (const id of required) if (!ids.has(id)) found.push(`${id} is not there`);

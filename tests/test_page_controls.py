@@ -333,19 +333,51 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         api.patch("live/layers", json=layers)
 
 
+def test_preset_of_a_link_is_played_when_it_is_asked_for(visit, api, server):
+    page = visit(f"{server.url}#preset=shove")
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Shove it: it starts the robot anew")
+    page.wait_for_timeout(1500)
+    assert live(api)["last_push"] is None
+    notices.get_by_role("button", name="Play").click()
+    wait_for(lambda: (live(api)["last_push"] or {}).get("impulse") == pytest.approx([20.0, 0.0], abs=0.1))
+    page.keyboard.press("w", delay=300)  # who drives ends it
+    wait_for(lambda: live(api)["driver"] == "none")
+    wait_for(lambda: live(api)["t"] > 7.0)
+    assert live(api)["last_push"]["impulse"] == pytest.approx([20.0, 0.0], abs=0.1)
+
+
+def test_tour_is_offered_once_and_what_waits_for_time_says_so(visit, api):
+    page = visit()
+    page.get_by_role("button", name="Show me").click()
+    for step in range(1, 6):
+        expect(page.locator("#tour")).to_contain_text(f"{step} of 5")
+        page.locator("#tour-next").click()
+    expect(page.locator("#tour")).to_be_hidden()
+    page.keyboard.press("p")
+    wait_for(lambda: not live(api)["running"])
+    expect(page.get_by_test_id("status")).to_contain_text("paused")
+    page.get_by_test_id("push").click()
+    expect(page.locator("#notices")).to_contain_text("This waits until you resume")
+    page.reload()
+    expect(page.get_by_test_id("status")).to_contain_text("paused")
+    expect(page.locator("#notices")).not_to_contain_text("New here")
+
+
 def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
     page = visit()
     wait_for(lambda: live(api)["tick"] > 50)
     page.get_by_role("button", name="Save").click()
     notices = page.locator("#notices")
     expect(notices).to_contain_text("Saved the last")
-    link = notices.get_by_role("link", name="csv").get_attribute("href")
+    link = notices.get_by_role("link", name="CSV").get_attribute("href")
     header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
     assert header.startswith("tick,t,com_x")
 
 
 def test_controls_keep_to_the_scene_where_the_panel_is_beside_it(visit):
     page = visit()
+    page.get_by_role("button", name="Panel").click()
     page.frames[1].evaluate("""document.body.innerHTML =
         '<div data-dock-root><div style="position: absolute; inset: 0 300px 40px 0"></div></div>'""")
     push, dock = page.get_by_test_id("push"), page.get_by_test_id("stop")
@@ -383,11 +415,11 @@ def serious(page: Page) -> list[str]:
 def test_everything_is_reached_by_the_keyboard(visit):
     page = visit()
     reached = set()
-    for _ in range(30):
+    for _ in range(40):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id"))
     controls = {"joystick", "turn", "zero", "stop", "speed", "reset", "ring", "push", "strength", "random"}
-    assert reached >= controls | {"gamepad", "share", "save", "help", "panel"}
+    assert reached >= controls | {"presets", "gamepad", "share", "save", "help", "panel"}
 
 
 def test_software_renderer_gets_the_light_view_unless_told_otherwise(visit):

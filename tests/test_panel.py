@@ -74,7 +74,7 @@ class Client:
     def __init__(self) -> None:
         self.shown: list[str] = []
 
-    def add_notification(self, title: str, body: str, color: str) -> None:
+    def add_notification(self, title: str, body: str, color: str, auto_close_seconds: float) -> None:
         self.shown.append(body)
 
 

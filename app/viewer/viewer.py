@@ -33,6 +33,7 @@ from walkcore.errors import InvalidValueError
 logger = logging.getLogger(__name__)
 
 PERIOD = 1.0 / 30.0  # [s] of drawing
+NAMES = {"hrp2": "HRP-2"}  # as their makers write them, as the page does
 PANEL_WIDTH = 308  # pixels: its tabs in one row
 ACCENT = (34, 111, 220)
 SMOOTHING = 0.02  # weight of the latest frame in the mean cost
@@ -50,7 +51,7 @@ class Viewer:
             lease: of the controls, which the sliders of the panel heed.
         """
         self._runner = runner
-        self.server, self.socket = start_server(runner.robot.name.capitalize())
+        self.server, self.socket = start_server(NAMES.get(runner.robot.name) or runner.robot.name.capitalize())
         """viser's server, and the Unix socket on which it listens."""
         refuse_tunnels(self.server)
         self.server.gui.configure_theme(
