@@ -1,6 +1,6 @@
 // The active driver in words above the joystick, and the reference as a ring on it: on every browser.
 
-const HINT = matchMedia("(pointer: coarse)").matches ? "Drag to walk" : "Drag to walk, or hold I";
+const HINT = matchMedia("(pointer: coarse)").matches ? "Drag to walk" : "Drag to walk, or hold W";
 const WITHOUT_PAGE = { sliders: "the sliders drive", rest: "a program drives" };
 
 export class DriverDisplay {
@@ -9,12 +9,18 @@ export class DriverDisplay {
     this.teleop = teleop;
     this.section = document.querySelector(".drive");
     this.caption = document.getElementById("driver");
+    this.front = 0;
     this.hasDriven = localStorage.getItem("walk.hasDriven") !== null;
   }
 
   /** @param {"operator" | "viewer"} role of this browser */
   setRole(role) {
     this.onlyLooks = role === "viewer";
+  }
+
+  /** @param {number} angle on the screen at which the robot faces, counter-clockwise from up, rad */
+  setFront(angle) {
+    this.front = angle;
   }
 
   show(live) {
@@ -24,7 +30,9 @@ export class DriverDisplay {
     this.section.classList.toggle("inviting", place === "nowhere" && !this.hasDriven && !this.onlyLooks);
     if (this.caption.textContent !== words) this.caption.textContent = words;
     const { vx, vy, yaw_rate } = this.teleop.limits;
-    this.mark(".joystick", -fraction(live.reference_vy, vy), -fraction(live.reference_vx, vx));
+    const [forward, left] = [fraction(live.reference_vx, vx), fraction(live.reference_vy, vy)];
+    const [sin, cos] = [Math.sin(this.front), Math.cos(this.front)];
+    this.mark(".joystick", -left * cos - forward * sin, left * sin - forward * cos);
     this.mark(".turn", -fraction(live.reference_yaw_rate, yaw_rate), 0);
   }
 

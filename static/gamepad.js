@@ -5,7 +5,7 @@ const MOVED = 0.5; // of the travel of a stick, by which an axis is recognised
 const KEY = "walk.gamepad";
 
 export const AXES = { forward: "forward", left: "to the left", turn: "turn left" };
-export const BUTTONS = { push: "push", zero: "zero", pause: "pause, go on" };
+export const BUTTONS = { push: "push", zero: "zero", pause: "pause, go on", standUp: "stand up", view: "next view" };
 export const DEFAULTS = {
   deadzone: 0.12,
   forward: { axis: 1, sign: -1 },
@@ -14,6 +14,8 @@ export const DEFAULTS = {
   push: 0,
   zero: 1,
   pause: 9,
+  standUp: 2,
+  view: 3,
 };
 
 /** Reason why there can be no gamepad here; empty where there can. */
@@ -27,7 +29,7 @@ export const obstacle =
 export class Gamepads {
   /**
    * @param {{onChange: (axes: object) => void, onPress: (action: string) => void, onPlug: (pad: Gamepad | null) => void}} options
-   *   onPress gets "push", "zero" or "pause"; onPlug gets null when the last pad is gone.
+   *   onPress gets a key of BUTTONS; onPlug gets null when the last pad is gone.
    */
   constructor(options) {
     Object.assign(this, options, { id: null, pressed: [], axes: "", isSuspended: false, settings: remembered(null) });

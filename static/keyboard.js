@@ -1,8 +1,14 @@
-// Keys that drive while they are held. They are caught before the scene, which has WASD, QE and the arrows for its camera.
+// Keys that drive while they are held, and keys that press. They are caught before the scene, which has some for its camera.
 
 import { isDialogOpen } from "./dialogs.js";
 
 const AXES = {
+  KeyW: ["forward", 1],
+  KeyS: ["forward", -1],
+  KeyQ: ["left", 1],
+  KeyE: ["left", -1],
+  KeyA: ["turn", 1],
+  KeyD: ["turn", -1],
   KeyI: ["forward", 1],
   KeyK: ["forward", -1],
   KeyU: ["left", 1],
@@ -10,12 +16,22 @@ const AXES = {
   KeyJ: ["turn", 1],
   KeyL: ["turn", -1],
 };
-const PRESSES = { KeyH: "zero", Space: "push", KeyP: "pause" };
+const PRESSES = {
+  KeyH: "zero",
+  Space: "push",
+  KeyP: "pause",
+  KeyR: "standUp",
+  Digit1: "chase",
+  Digit2: "front",
+  Digit3: "side",
+  Digit4: "top",
+  Digit5: "free",
+};
 
 export class Keyboard {
   /**
    * @param {{onChange: (axes: object) => void, onPress: (action: string) => void}} options
-   *   onPress gets "zero", "push", "pause" or "help".
+   *   onPress gets "help" or a value of PRESSES.
    */
   constructor({ onChange, onPress }) {
     Object.assign(this, { onChange, onPress, held: new Set() });
@@ -62,7 +78,10 @@ export class Keyboard {
 
   report() {
     const axes = { forward: 0, left: 0, turn: 0 };
-    for (const code of this.held) axes[AXES[code][0]] += AXES[code][1];
+    for (const code of this.held) {
+      const [axis, sign] = AXES[code];
+      axes[axis] = Math.max(-1, Math.min(1, axes[axis] + sign)); // two keys for the same
+    }
     this.onChange(axes);
   }
 }

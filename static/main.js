@@ -8,6 +8,7 @@ import { Gamepads } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
 import { notify } from "./notices.js";
+import { PRESETS, Presets } from "./presets.js";
 import { PushDial, PushReport, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
@@ -17,9 +18,12 @@ import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
 import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
+import { Tour } from "./tour.js";
+import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
 const status = new Status();
+let latest = {};
 
 /** Show an error: a refusal as a notice, a lost server in the strip. */
 function showError(error) {
@@ -28,9 +32,17 @@ function showError(error) {
 }
 const requestAndShow = (method, path, body) => request(method, path, body).catch(showError);
 
+/** Say that what was asked for waits, where it does. */
+function sayThatTimeStands() {
+  if (latest.running === false && latest.status !== 2) notify("Time stands still. This waits until you resume (P).");
+}
+
 const teleop = new Teleop({
   onRefusal: (text) => notify(text, { level: "bad" }),
-  onEngage: () => driver.dismissHint(),
+  onEngage: () => {
+    driver.dismissHint();
+    sayThatTimeStands();
+  },
 });
 const driver = new DriverDisplay(teleop);
 const lease = new DriverLease({ client: teleop.client, request: requestAndShow });
@@ -40,7 +52,19 @@ const randomPushes = new RandomPushes({ request: requestAndShow });
 const dial = new PushDial({
   onPush: (impulse) => {
     pushReport.dismissHint();
+    sayThatTimeStands();
     teleop.push(impulse);
+  },
+});
+
+const presets = new Presets({ onError: showError });
+const tour = new Tour();
+const views = new Views({
+  onTurn: (angle) => {
+    document.body.classList.toggle("is-turned", angle !== 0);
+    document.body.style.setProperty("--front", `${angle}rad`);
+    dial.setFront(angle);
+    driver.setFront(angle);
   },
 });
 
@@ -48,6 +72,9 @@ const actions = {
   zero: () => teleop.zero(),
   push: () => dial.push(),
   pause: () => time.toggle(),
+  standUp: () => status.hasFallen && time.reset(),
+  view: () => views.next(),
+  ...Object.fromEntries(Object.keys(VIEWS).map((name) => [name, () => views.choose(name)])),
   help: () => {
     lease.update();
     openDialog(element("help-dialog"));
@@ -55,7 +82,7 @@ const actions = {
 };
 const press = (action) => actions[action]();
 
-const stick = new Joystick(element("joystick"), { onChange: (x, y) => teleop.set("joystick", { forward: y, left: -x }) });
+const stick = new Joystick(element("joystick"), { onChange: (x, y) => teleop.set("joystick", views.inRobotFrame(x, y)) });
 const ring = new Joystick(element("turn"), { isOneAxis: true, onChange: (x) => teleop.set("joystick", { turn: -x }) });
 const keyboard = new Keyboard({ onChange: (axes) => teleop.set("keyboard", axes), onPress: press });
 const gamepads = new Gamepads({
@@ -68,12 +95,18 @@ const gamepads = new Gamepads({
 });
 const gamepadDialog = new GamepadDialog(gamepads);
 gamepadDialog.plugged(null);
-const scene = new Scene({ client: teleop.client, onLoad: (inner) => keyboard.attach(inner) });
+const scene = new Scene({
+  client: teleop.client,
+  onLoad: (inner) => {
+    keyboard.attach(inner);
+    views.attach(inner);
+  },
+});
 
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest)], ["save", saveRecording]]) {
+for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", saveRecording]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
     await act().catch(showError);
@@ -100,8 +133,9 @@ async function loadSession() {
   scene.setRole(role);
   driver.setRole(role);
   if (role === "viewer") teleop.disconnect();
-  const { name, limits } = robots.find((robot) => robot.name === health.robot);
-  element("robot").textContent = name === "hrp2" ? "HRP-2" : name[0].toUpperCase() + name.slice(1);
+  const { title, limits, com_height: comHeight } = robots.find((robot) => robot.name === health.robot);
+  element("robot").textContent = title;
+  views.fit(comHeight);
   teleop.setLimits(limits);
   dial.setLimit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];
@@ -110,7 +144,6 @@ async function loadSession() {
   element("turn-note").textContent = canTurn ? "" : "turning: not yet";
 }
 
-let latest = {};
 let wasLost = false;
 new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   timeout: 5000,
@@ -121,11 +154,13 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, driver, time, pushReport, randomPushes]) part.show(live);
+    for (const part of [status, driver, time, pushReport, randomPushes, views, presets]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;
     status.lost();
   },
 });
-offerLink();
+offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS });
+tour.offer();
+addEventListener("hashchange", () => location.reload()); // a link of the list of presets

@@ -5,12 +5,13 @@ const DIRECTIONS = ["forward", "forward left", "left", "back left", "back", "bac
 const HINT = "Aim the ring, then push";
 const INTERVAL = 4; // s between random pushes, in the mean
 
-/** Direction relative to the robot on a ring around the button, strength on a slider. */
+/** Direction on a ring, which shows the picture's directions, around the button, strength on a slider. */
 export class PushDial {
   /** @param {{onPush: (impulse: number[]) => void}} options; the impulse is in the robot's frame, N s */
   constructor({ onPush }) {
     this.onPush = onPush;
-    this.degrees = 90; // counter-clockwise from forward: to the left
+    this.degrees = 90; // counter-clockwise from the robot's forward: to the left
+    this.front = 0; // degrees on the screen at which the robot faces, counter-clockwise from up
     this.dial = document.getElementById("dial");
     this.ring = document.getElementById("ring");
     this.strength = document.getElementById("strength");
@@ -32,11 +33,17 @@ export class PushDial {
     this.show();
   }
 
+  /** @param {number} angle on the screen at which the robot faces, counter-clockwise from up, rad */
+  setFront(angle) {
+    this.front = (angle * 180) / Math.PI;
+    this.show();
+  }
+
   aim(event) {
     const box = this.ring.getBoundingClientRect();
     const right = event.clientX - box.left - box.width / 2;
     const up = box.top + box.height / 2 - event.clientY;
-    this.degrees = Math.round((Math.atan2(-right, up) * 180) / Math.PI / 5) * 5;
+    this.degrees = within(Math.round(((Math.atan2(-right, up) * 180) / Math.PI - this.front) / 5) * 5);
     this.show();
   }
 
@@ -44,14 +51,14 @@ export class PushDial {
     const step = { ArrowLeft: KEY_STEP, ArrowUp: KEY_STEP, ArrowRight: -KEY_STEP, ArrowDown: -KEY_STEP }[event.key];
     if (step === undefined) return;
     event.preventDefault();
-    this.degrees = ((((this.degrees + step + 180) % 360) + 360) % 360) - 180;
+    this.degrees = within(this.degrees + step);
     this.show();
   }
 
   show() {
     const direction = DIRECTIONS[(Math.round(this.degrees / 45) + 8) % 8];
     const text = `${this.strength.value} N·s`;
-    this.dial.style.setProperty("--angle", `${-this.degrees}deg`);
+    this.dial.style.setProperty("--angle", `${-this.degrees - this.front}deg`);
     this.ring.ariaValueNow = this.degrees;
     this.ring.ariaValueText = direction;
     this.strength.ariaValueText = `${this.strength.value} newton seconds`;
@@ -66,6 +73,8 @@ export class PushDial {
 }
 
 const WORDS = ["", "one", "two", "three", "four", "five", "six"];
+/** An angle in degrees from -180 on, below 180. */
+const within = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
 
 /** Outcome of the last push, above the dial. */
 export class PushReport {

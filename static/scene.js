@@ -1,16 +1,12 @@
 // Frame with the viser scene: its colours, camera, panel and render quality, and its reload after a lost connection.
 
 import { chosenQuality, suitableQuality, watchFrameRate } from "./render_quality.js";
+import { drawDotsOver } from "./draw_over.js";
 import { notify } from "./notices.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const ROOM_FOR_PANEL = "(min-width: 900px) and (min-height: 620px)";
-const VIEWS = {
-  wide: { position: "-2.45,1.75,1.55", lookAt: "0.15,0,0.78" },
-  tall: { position: "-3.6,2.5,1.8", lookAt: "0.1,0,0.52" },
-  low: { position: "-2.9,2.05,1.65", lookAt: "0.1,0,0.64" },
-};
-const ICONS = ["Commands", "Settings of the view"]; // in the head of viser's panel
+const PANEL_KEY = "walk.panel";
+const FIRST_CAMERA = { initialCameraPosition: "-2.9,1.2,2.1", initialCameraLookAt: "0.2,0,0.7" }; // until a view places it
 const LIGHT_PIXEL_RATIO = 0.6; // of the screen's own, along each side
 
 export class Scene {
@@ -19,7 +15,7 @@ export class Scene {
     this.client = client;
     this.frame = document.getElementById("viewer");
     this.toggle = document.getElementById("panel");
-    this.hasPanel = matchMedia(ROOM_FOR_PANEL).matches;
+    this.hasPanel = localStorage.getItem(PANEL_KEY) === "open"; // closed at the first visit
     this.quality = suitableQuality();
     this.stopWatching = () => {};
     this.role = "operator";
@@ -29,17 +25,20 @@ export class Scene {
       nameControls(this.frame.contentWindow);
       keepArrows(this.frame.contentDocument);
       cancelDragOnBlur(this.frame.contentWindow);
+      drawDotsOver(this.frame.contentWindow);
       this.watch();
       onLoad(this.frame.contentWindow);
     });
-    this.toggle.addEventListener("click", () => this.showPanel(!this.hasPanel));
+    this.toggle.addEventListener("click", () => {
+      this.showPanel(!this.hasPanel);
+      localStorage.setItem(PANEL_KEY, this.hasPanel ? "open" : "closed");
+    });
     dark.addEventListener("change", () => this.load());
     this.load();
   }
 
   load() {
-    const view = innerHeight > innerWidth ? VIEWS.tall : innerHeight < 520 ? VIEWS.low : VIEWS.wide;
-    const query = new URLSearchParams({ initialCameraPosition: view.position, initialCameraLookAt: view.lookAt });
+    const query = new URLSearchParams(FIRST_CAMERA);
     const isLight = this.quality === "light";
     const socket = `${location.origin.replace("http", "ws")}/viewer${isLight ? "/light" : ""}`;
     query.set("websocket", `${socket}?client=${this.client}`);
@@ -93,13 +92,15 @@ export class Scene {
       document.body.style.setProperty("--beside", `${window.innerWidth - right}px`);
       document.body.style.setProperty("--below", `${window.innerHeight - bottom}px`);
     });
-    const arrivals = new window.MutationObserver(() => {
+    const observe = () => {
       const scene = inner.querySelector("[data-dock-root] > :first-child");
       if (!scene) return;
       arrivals.disconnect();
       sizes.observe(scene);
-    });
+    };
+    const arrivals = new window.MutationObserver(observe);
     arrivals.observe(inner.body, { childList: true, subtree: true });
+    observe();
   }
 
   showPanel(isShown) {
@@ -110,14 +111,13 @@ export class Scene {
   }
 }
 
-/** Name viser's sliders and icons for assistive tools: those of a row get the name of its label. */
+/** Name viser's sliders for assistive tools: those of a row get the name of its label. */
 function nameControls({ document, MutationObserver }) {
   const name = () => {
     for (const label of document.querySelectorAll("p > label")) {
       const row = label.parentElement.parentElement.parentElement;
       for (const control of row.querySelectorAll("[role=slider], input")) control.ariaLabel ||= label.textContent;
     }
-    document.querySelectorAll(".mantine-ActionIcon-root").forEach((icon, i) => (icon.ariaLabel ||= ICONS[i] ?? ""));
   };
   new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
 }

@@ -2,13 +2,14 @@
 
 import { request } from "./requests.js";
 import { notify } from "./notices.js";
+import { DEFAULT_VIEW } from "./views.js";
 
 const REFERENCE = { vx: "reference_vx", vy: "reference_vy", yaw_rate: "reference_yaw_rate" };
 const LAYERS = { show: true, hide: false }; // names with blanks between them
 const HOLDING = ["sliders", "rest"]; // drivers whose reference stays until it is changed
 
-/** Copy an address with the parameters and layers that differ from the server's own, the speed, and a reference that is held. */
-export async function copyLink(live) {
+/** Copy an address with what differs from the server's own: parameters, layers, speed, a reference that is held, this view. */
+export async function copyLink(live, view) {
   const [chosen, layers] = await Promise.all([changed("live/parameters"), changed("live/layers")]);
   for (const [key, isShown] of Object.entries(LAYERS)) {
     const names = layers.filter(([, value]) => value === isShown).map(([name]) => name);
@@ -18,6 +19,7 @@ export async function copyLink(live) {
   if (HOLDING.includes(live.driver)) {
     for (const [name, key] of Object.entries(REFERENCE)) if (live[key]) chosen.push([name, Math.round(1e3 * live[key]) / 1e3]);
   }
+  if (view !== DEFAULT_VIEW) chosen.push(["view", view]);
   const link = new URL(location.pathname, location);
   link.hash = new URLSearchParams(chosen);
   const isCopied = await copied(link.href);
@@ -37,11 +39,19 @@ async function copied(text) {
   return navigator.clipboard.writeText(text).then(() => true, () => false);
 }
 
-/** Offer to apply the choices in the address: by a button, because it changes the robot for everybody. */
-export async function offerLink() {
-  const choices = Object.fromEntries([...new URLSearchParams(location.hash.slice(1))].map(([name, text]) => [name, value(text)]));
-  if (!Object.keys(choices).length) return;
+/** Take the view in the address, and offer to apply its other choices: by a button, because they are for everybody. */
+export async function offerLink({ onView, onPreset, presets }) {
+  const parts = [...new URLSearchParams(location.hash.slice(1))];
+  const { view, preset, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
   const forget = () => history.replaceState(null, "", location.pathname);
+  if (view !== undefined) onView(view);
+  if (preset in presets) {
+    const actions = [{ text: "Play", onClick: () => onPreset(preset).catch((error) => notify(error.message, { level: "bad" })) }];
+    forget();
+    notify(`${presets[preset].title}: it starts the robot anew for everybody who watches.`, { actions });
+    return;
+  }
+  if (!Object.keys(choices).length) return forget();
   const { speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
   const apply = async () => {
     forget();
@@ -73,9 +83,12 @@ function value(text) {
 
 const inWords = (pairs) => pairs.map(([name, part]) => `${name} ${part}`.replaceAll("_", " ")).join(", ");
 
-/** Save the last minute of this robot as a recording. */
+const FILES = { html: "3-D replay", parquet: "data (Parquet)", csv: "data (CSV)", npz: "data (NumPy)", mcap: "data (MCAP, Foxglove)", json: "parameters" };
+
+/** Save the last minute of this robot as a recording, and offer the replay first. */
 export async function saveRecording() {
   const run = await request("POST", "live/save", {});
-  const files = Object.entries(run.files).map(([ending, href]) => ({ text: ending, href }));
+  const files = Object.entries(run.files).map(([ending, href]) => ({ text: FILES[ending] ?? ending, href, isFirst: ending === "html" }));
+  files.sort((one, other) => other.isFirst - one.isFirst);
   notify(`Saved the last ${Math.round(run.duration)} s as “${run.name}”.`, { actions: files });
 }

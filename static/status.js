@@ -70,6 +70,10 @@ export class Status {
     else this.set("walking", "walking");
   }
 
+  get hasFallen() {
+    return this.strip.dataset.state === "fallen";
+  }
+
   isAtLimit(live) {
     const now = performance.now();
     if (live.status === 1) this.limitEnds = now + LIMIT_SHOWN_FOR;
@@ -78,6 +82,7 @@ export class Status {
 
   lost() {
     this.history.length = 0;
+    for (const id of ["reference", "reached", "phase", "tick", "factor"]) text(id, "–"); // what was is not what is
     this.set("lost", "no connection", "Connection lost, retrying …");
   }
 

@@ -18,9 +18,12 @@ export class TimeControls {
     for (const [id, body] of [["one-tick", { ticks: 1 }], ["one-sample", { samples: 1 }]]) {
       document.getElementById(id).addEventListener("click", () => request("POST", "live/step", body));
     }
-    for (const id of ["reset", "stand-up"]) {
-      document.getElementById(id).addEventListener("click", () => request("POST", "live/reset"));
-    }
+    for (const id of ["reset", "stand-up"]) document.getElementById(id).addEventListener("click", () => this.reset());
+  }
+
+  /** Put the robot back to the start, upright. */
+  reset() {
+    return this.request("POST", "live/reset");
   }
 
   toggle() {

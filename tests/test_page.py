@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import httpx
 import numpy as np
 import pytest
-from conftest import PATIENCE, Server
+from conftest import PATIENCE, Server, wait_for
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 from pointers import Finger, Mouse, centre
@@ -73,6 +73,7 @@ def test_robot_is_visibly_there_and_moves(visit, api):
     viewer = page.get_by_test_id("viewer")
     with_robot = until_drawn(viewer)
     assert len(np.unique(with_robot.reshape(-1, 3), axis=0)) > 500
+    wait_for(lambda: page.frames[1].evaluate(DOTS_DRAWN_OVER) >= 4)
     api.put("live/reference", json={"vx": 0.2})
     watch(api, 1.5)
     assert np.mean(np.abs(picture(viewer) - with_robot) > 24) > 0.002
@@ -80,6 +81,13 @@ def test_robot_is_visibly_there_and_moves(visit, api):
 
 def picture(element: Locator) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(element.screenshot())).convert("RGB"), dtype=int)
+
+
+DOTS_DRAWN_OVER = """() => Object.entries(window.__viserMutable.nodeRefFromName).filter(([name, node]) => {
+  let isOver = false; // the feet, and neither lit nor toned down
+  node?.traverse((part) => (isOver ||= part.material?.depthTest === false && part.material.toneMapped === false));
+  return name.endsWith("/dot/face") && isOver;
+}).length"""
 
 
 def until_drawn(element: Locator) -> np.ndarray:
@@ -188,3 +196,36 @@ def test_keyboard_drives_while_a_key_is_held(visit, api):
     page.keyboard.up("k")
     assert held["driver"] == "keyboard" and held["reference_vx"] < 0.0
     assert watch(api, 4.0, until=lambda state: state["reference_vx"] == 0.0)[-1]["reference_vx"] == 0.0
+
+
+CAMERA = """() => {
+  const {camera, nodeRefFromName} = window.__viserMutable;
+  const [back, world] = [camera.matrixWorld.elements.slice(8, 11), nodeRefFromName["/w"].matrixWorld.elements];
+  const along = (axis) => -back.reduce((sum, part, i) => sum + part * world[axis + i], 0);
+  return Math.atan2(along(4), along(0));
+}"""
+
+
+def test_camera_turns_with_the_robot_unless_the_view_is_free(visit, api):
+    page = visit(**DESKTOP)
+    until_drawn(page.get_by_test_id("viewer"))
+
+    def heading() -> float:
+        state = live(api)
+        return (state["left_yaw"] + state["right_yaw"]) / 2
+
+    def difference() -> float:
+        """From the robot's heading to where the camera looks [rad]."""
+        return page.frames[1].evaluate(CAMERA) - heading()
+
+    start = difference()
+    assert abs(start) < 0.6  # from behind
+    api.put("live/reference", json={"yaw_rate": 0.3})
+    watch(api, 6.0, until=lambda state: state["left_yaw"] > 0.9)
+    api.put("live/reference", json={})
+    wait_for(lambda: abs(difference() - start) < 0.15)
+    page.keyboard.press("5")
+    was = page.frames[1].evaluate(CAMERA)
+    api.put("live/reference", json={"yaw_rate": -0.3})
+    watch(api, 4.0, until=lambda state: state["left_yaw"] < 0.4)
+    assert page.frames[1].evaluate(CAMERA) == pytest.approx(was, abs=1e-3)

@@ -83,10 +83,49 @@ def test_keys_drive_while_the_scene_has_the_focus(visit, api):
     page = visit()
     page.mouse.click(640, 300)
     assert page.evaluate("document.activeElement.id") == "viewer"
-    page.keyboard.down("j")
-    wait_for_reference(api, yaw_rate=1)
-    page.keyboard.up("j")
-    wait_for_reference(api)
+    for key, expected in {"j": {"yaw_rate": 1}, "d": {"yaw_rate": -1}, "w": {"vx": 1}, "q": {"vy": 1}}.items():
+        page.keyboard.down(key)
+        wait_for_reference(api, **expected)
+        page.keyboard.up(key)
+        wait_for_reference(api)
+
+
+FROM_THE_FRONT = """
+const world = {matrixWorld: {elements: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]}}; // z is three.js's y
+const camera = {matrixWorld: {elements: [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1]}}; // looks along -x
+const cameraControl = {rotate: () => {}, setLookAt: (...at) => (window.placed = at)};
+window.__viserMutable = {nodeRefFromName: {"/w": world}, camera, cameraControl};
+"""
+
+
+def test_stick_and_ring_mean_directions_of_the_picture(visit, api):
+    page = visit(before=FROM_THE_FRONT)
+    expect(page.locator("body")).to_have_class(re.compile("is-turned"))
+    mouse, (x, y) = Mouse(page), centre(page.get_by_test_id("joystick"))
+    mouse.drag((x, y), (x, y + 60))  # towards the viewer, whom the robot faces
+    wait_for_reference(api, vx=1)
+    mouse.lift()
+    mouse.drag((x, y), (x + 60, y))
+    wait_for_reference(api, vy=1)
+    mouse.lift()
+    x, y = centre(page.locator("#ring"))
+    page.mouse.click(x - 72, y)
+    page.keyboard.press("Space")
+    wait_for(lambda: live(api)["last_push"] is not None)
+    forward, left = live(api)["last_push"]["impulse"]
+    assert left < 0.0 and abs(forward) < 0.1
+
+
+def test_views_are_chosen_by_button_and_key_and_remembered(visit):
+    page = visit(before=FROM_THE_FRONT)
+    views = page.get_by_test_id("views")
+    chase = page.frames[1].evaluate("placed")
+    views.get_by_role("button", name="Front").click()
+    assert page.frames[1].evaluate("placed")[0] > 0.0 > chase[0]  # before the robot, and behind it
+    page.keyboard.press("4")
+    assert page.frames[1].evaluate("placed")[1] > 2.3  # above it
+    page.reload()
+    expect(views.get_by_role("button", name="Top")).to_have_attribute("aria-pressed", "true")
 
 
 @pytest.mark.exhaustive
@@ -226,7 +265,7 @@ def test_page_that_is_no_longer_seen_lets_go(visit, api):
 def test_hint_leaves_with_the_first_use_for_good(visit):
     page = visit()
     driver, push = page.get_by_test_id("driver"), page.get_by_test_id("last-push")
-    expect(driver).to_have_text("Drag to walk, or hold I")
+    expect(driver).to_have_text("Drag to walk, or hold W")
     expect(push).to_have_text("Aim the ring, then push")
     page.keyboard.press("j", delay=300)
     page.keyboard.press("Space")
@@ -296,15 +335,16 @@ def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
 def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit, api, server):
     before, layers = api.get("live/parameters").json(), api.get("live/layers").json()
     try:
-        api.patch("live/layers", json={"capture_point": True, "trails": True, "robot": False}).raise_for_status()
+        api.patch("live/layers", json={"velocity": True, "trails": True, "robot": False}).raise_for_status()
         api.patch("live/parameters", json={"scheme": "speed_and_jerk", "alpha": 2e-6})
         api.put("live/reference", json={"vx": 0.1})
         page = visit(**DESKTOP, permissions=["clipboard-read", "clipboard-write"])
         wait_for(lambda: live(api)["driver"] == "rest")
+        page.keyboard.press("3")
         page.get_by_role("button", name="Copy link").click()
         expect(page.locator("#notices")).to_contain_text("Link copied: scheme speed and jerk")
         link = page.evaluate("navigator.clipboard.readText()")
-        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=capture_point+trails&hide=robot&vx=0.1"
+        chosen = "scheme=speed_and_jerk&alpha=0.000002&show=trails+velocity&hide=robot&vx=0.1&view=side"
         assert link == f"{server.url}#{chosen}"
 
         api.patch("live/parameters", json=before)
@@ -313,15 +353,47 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         other = visit(link)
         expect(other.locator("#notices")).to_contain_text("changes the robot for everybody")
         assert api.get("live/parameters").json() == before
+        expect(other.get_by_role("button", name="Side")).to_have_attribute("aria-pressed", "true")
         other.get_by_role("button", name="Apply").click()
         expect(other.locator("#notices")).to_contain_text("Applied")
         assert api.get("live/parameters").json() == before | {"scheme": "speed_and_jerk", "alpha": 2e-6}
-        assert api.get("live/layers").json() == layers | {"capture_point": True, "trails": True, "robot": False}
+        assert api.get("live/layers").json() == layers | {"velocity": True, "trails": True, "robot": False}
         wait_for_reference(api, vx=1)
         assert other.url == server.url
     finally:
         api.patch("live/parameters", json=before)
         api.patch("live/layers", json=layers)
+
+
+def test_preset_of_a_link_is_played_when_it_is_asked_for(visit, api, server):
+    page = visit(f"{server.url}#preset=shove")
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Shove it: it starts the robot anew")
+    page.wait_for_timeout(1500)
+    assert live(api)["last_push"] is None
+    notices.get_by_role("button", name="Play").click()
+    wait_for(lambda: (live(api)["last_push"] or {}).get("impulse") == pytest.approx([20.0, 0.0], abs=0.1))
+    page.keyboard.press("w", delay=300)  # who drives ends it
+    wait_for(lambda: live(api)["driver"] == "none")
+    wait_for(lambda: live(api)["t"] > 7.0)
+    assert live(api)["last_push"]["impulse"] == pytest.approx([20.0, 0.0], abs=0.1)
+
+
+def test_tour_is_offered_once_and_what_waits_for_time_says_so(visit, api):
+    page = visit()
+    page.get_by_role("button", name="Show me").click()
+    for step in range(1, 6):
+        expect(page.locator("#tour")).to_contain_text(f"{step} of 5")
+        page.locator("#tour-next").click()
+    expect(page.locator("#tour")).to_be_hidden()
+    page.keyboard.press("p")
+    wait_for(lambda: not live(api)["running"])
+    expect(page.get_by_test_id("status")).to_contain_text("paused")
+    page.get_by_test_id("push").click()
+    expect(page.locator("#notices")).to_contain_text("This waits until you resume")
+    page.reload()
+    expect(page.get_by_test_id("status")).to_contain_text("paused")
+    expect(page.locator("#notices")).not_to_contain_text("New here")
 
 
 def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
@@ -330,13 +402,14 @@ def test_last_minute_is_saved_with_links_to_its_files(visit, api, server):
     page.get_by_role("button", name="Save").click()
     notices = page.locator("#notices")
     expect(notices).to_contain_text("Saved the last")
-    link = notices.get_by_role("link", name="csv").get_attribute("href")
+    link = notices.get_by_role("link", name="CSV").get_attribute("href")
     header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
     assert header.startswith("tick,t,com_x")
 
 
 def test_controls_keep_to_the_scene_where_the_panel_is_beside_it(visit):
     page = visit()
+    page.get_by_role("button", name="Panel").click()
     page.frames[1].evaluate("""document.body.innerHTML =
         '<div data-dock-root><div style="position: absolute; inset: 0 300px 40px 0"></div></div>'""")
     push, dock = page.get_by_test_id("push"), page.get_by_test_id("stop")
@@ -374,11 +447,11 @@ def serious(page: Page) -> list[str]:
 def test_everything_is_reached_by_the_keyboard(visit):
     page = visit()
     reached = set()
-    for _ in range(30):
+    for _ in range(40):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id"))
     controls = {"joystick", "turn", "zero", "stop", "speed", "reset", "ring", "push", "strength", "random"}
-    assert reached >= controls | {"gamepad", "share", "save", "help", "panel"}
+    assert reached >= controls | {"presets", "gamepad", "share", "save", "help", "panel"}
 
 
 def test_software_renderer_gets_the_light_view_unless_told_otherwise(visit):

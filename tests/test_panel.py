@@ -62,10 +62,10 @@ def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_s
     scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
     tab = ViewTab(viser_server, scene)
     assert tab.layers == DEFAULT_LAYERS
-    tab.switch({"capture_point": True, "robot": False})
+    tab.switch({"velocity": True, "robot": False})
     wait_for(lambda: "robot" not in scene.shown)
     assert scene.shown == {name for name, is_on in tab.layers.items() if is_on}
-    assert scene.shown ^ {name for name, is_on in DEFAULT_LAYERS.items() if is_on} == {"capture_point", "robot"}
+    assert scene.shown ^ {name for name, is_on in DEFAULT_LAYERS.items() if is_on} == {"velocity", "robot"}
 
 
 class Client:
@@ -74,7 +74,7 @@ class Client:
     def __init__(self) -> None:
         self.shown: list[str] = []
 
-    def add_notification(self, title: str, body: str, color: str) -> None:
+    def add_notification(self, title: str, body: str, color: str, auto_close_seconds: float) -> None:
         self.shown.append(body)
 
 

@@ -1,6 +1,7 @@
 """Truth of the scene: every node stands for something in the snapshot."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,17 @@ import pytest
 import trimesh
 from scene_reader import latest
 from scipy.spatial.transform import Rotation
-from shapely import Polygon
+from shapely import Point, Polygon
 
+from app.drawing.palette import COP, DCM
 from app.viewer import LIGHT
 from app.viewer.panel.panel import ViewTab
 from app.viewer.scene.footprints import sole_outline
 from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim, Canvas, Frame
 from app.viewer.scene.layers import LAYERS, Layer
+from app.viewer.scene.primitives import dot_picture
 from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away, effect_of_push
+from app.viewer.scene.robot import LYING, Topple
 from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -90,7 +94,7 @@ def test_the_robot_stays_in_the_middle_of_an_endless_ground(scene, walk):
 
 def test_hidden_layers_are_not_sent_and_shown_ones_are(scene, walk):
     hidden = {name for name, layer in LAYERS.items() if not layer.is_on}
-    assert {"capture_point", "margin", "regions", "active", "velocity"} <= hidden
+    assert {"margin", "regions", "active", "velocity"} <= hidden
 
     def drawn() -> set[str]:
         return {message["name"].split("/")[2] for message in scene.updates.changes(0) if message["name"].count("/") > 2}
@@ -171,6 +175,31 @@ def test_lines_start_at_the_point_and_follow_the_plan(scene, walk):
         line = points[f"{WORLD}/{layer}/at_com/preview"][:, :, :2]
         assert line[:, 0] == pytest.approx(np.vstack([now, later[:-1]]) - com, abs=1e-4)
         assert line[:, 1] == pytest.approx(later - com, abs=1e-4)
+
+
+def test_no_centre_of_pressure_is_drawn_off_the_soles(scene, walk):
+    snapshot = walk[200]
+    inside, corners = snapshot.stance.polygon.mean(axis=0), snapshot.stance.polygon
+
+    def drawn(**changes: Any) -> tuple[np.ndarray, bool]:
+        draw(scene, replace(snapshot, **changes))
+        dot = f"{WORLD}/true_cop/dot"
+        return np.array(latest(scene.updates, "position")[dot][:2]), latest(scene.updates, "visible")[dot]
+
+    assert drawn(true_cop=inside)[0] == pytest.approx(inside, abs=1e-4)
+    outside = corners[0] + 3.0 * (corners[0] - inside)
+    place, is_visible = drawn(true_cop=outside)
+    assert is_visible and Polygon(corners).exterior.distance(Point(place)) < 1e-4
+    assert np.linalg.norm(place - outside) == pytest.approx(Polygon(corners).distance(Point(outside)), abs=1e-4)
+    assert not drawn(true_cop=inside, status=Status.FALLEN)[1]
+
+
+def test_dots_have_the_colour_of_the_legend_and_a_ring_shows_what_is_in_it():
+    disc, ring = dot_picture(DCM), dot_picture(COP, hole=0.5)
+    middle = len(disc) // 2
+    assert disc[middle, middle].tolist() == [*DCM, 255] and disc[0, 0, 3] == 0
+    assert ring[middle, middle, 3] == 0
+    assert ring[middle, round(0.125 * len(ring))].tolist() == [*COP, 255]  # between the hole and the edge
 
 
 @pytest.mark.parametrize("is_double_support", [False, True])
@@ -338,3 +367,23 @@ def test_the_preview_of_a_push_foretells_shortened_steps(hurried):
     robot = load_robot("hrp2")
     assert effect_of_push(robot, snapshots[0], parameters).startswith("shortens steps to 0.")
     assert effect_of_push(robot, snapshots[0], replace(parameters, step_duration=0.4)) == "gives up margin"
+
+
+def test_body_without_physics_topples_about_the_edge_of_its_support_and_stands_up_again(walk):
+    updates, topple, snapshot = SceneUpdates(), Topple("/body"), walk[200]
+    fallen = replace(snapshot, status=Status.FALLEN, plan=None)
+
+    def turned(snapshot: Any) -> tuple[Rotation, np.ndarray]:
+        topple.update(updates, SimpleNamespace(snapshot=snapshot, elapsed=FRAME_TIME))  # pyright: ignore
+        wxyz = latest(updates, "wxyz")["/body"]
+        return Rotation.from_quat([*wxyz[1:], wxyz[0]]), np.array(latest(updates, "position")["/body"])
+
+    tilts = [turned(fallen)[0].magnitude() for _ in range(60)]
+    assert np.all(np.diff(tilts) >= 0.0) and tilts[-1] == pytest.approx(LYING, abs=1e-3)
+    rotation, shift = turned(fallen)
+    com = np.array([*snapshot.com.position, snapshot.com_height])
+    lying = rotation.apply(com) + shift
+    assert 0.0 < lying[2] < 0.4
+    way = snapshot.com.position - snapshot.stance.polygon.mean(axis=0)
+    assert (lying[:2] - com[:2]) @ way / np.linalg.norm(way) > 0.5  # to where it leant
+    assert turned(snapshot)[0].magnitude() == 0.0

@@ -22,14 +22,22 @@ from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import nearest_within, polygon
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.mpc.supports import CaptureSets, WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.plant.driver import BodyDriver
-from walkcore.plant.fall_watch import FallSigns, LastPush, has_fallen, is_tilted, phase_in_words
+from walkcore.plant.fall_watch import (
+    FallSigns,
+    LastPush,
+    NeededStep,
+    has_fallen,
+    is_tilted,
+    needed_step,
+    phase_in_words,
+)
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
 from walkcore.plant.stabilizer import PlanarTransform, anchoring, catch_up, commanded_cop, dcm_error, is_clipped
 from walkcore.plant.world import PERFECT, World
@@ -180,7 +188,8 @@ class Simulation:
         self._tick, self._gait = state.tick, state.gait.with_timing(self.parameters.timing, state.tick)
         self._feet = {Side.LEFT: state.left_foot, Side.RIGHT: state.right_foot}
         self._flight = state.flight
-        self._pushes = replace(self._pushes, under_way=state.pushes)
+        last = self._pushes.last  # of the walk so far, unless that went on for longer than to this state
+        self._pushes = Pushes(state.pushes, last if last is not None and last.tick < state.tick else None)
         self._com, self._why_fallen = state.com, state.why_fallen
         self._offset, self._last_plan = state.com_offset, None
         if self._driver is not None and state.driver is not None:
@@ -304,7 +313,7 @@ class Simulation:
     def _remember_push(self, goes_on: bool) -> None:
         """Keep the last push, or another piece of one that is held, for the words that tell a fall of the body."""
         push = self._pushes.last
-        if push is None or self._driver is None or self._driver.is_ideal or self._why_fallen:
+        if push is None or self._driver is None or self._why_fallen:
             return
         gait, (forward, left) = self._gait.at(self._tick), (rotation(self.heading).T @ push.impulse).tolist()
         words = phase_in_words(gait.phase is Phase.SINGLE_SUPPORT, gait.phase is Phase.STANDING, gait.support_side)
@@ -335,7 +344,7 @@ class Simulation:
     ) -> Plan | None:
         """Take the gait of adaptive step timing."""
         last, swing = self._last_plan, self._feet[self._gait.support_side(self._tick).other]
-        is_pushed = self._last_push is not None and self._last_push.tick == self._tick
+        is_pushed = self._pushes.last is not None and self._pushes.last.tick == self._tick
         try:
             gait, plan = step_timing.decide(
                 candidates,
@@ -417,12 +426,29 @@ class Simulation:
         return Stance((support,) if gait.phase is Phase.SINGLE_SUPPORT else (support, swing), self.robot.sole)
 
     def _fall_down(self, reason: str) -> None:
-        """Let the robot lie until a reset, for a reason, which the signs of a body that really falls explain."""
-        if self._driver is not None and not self._driver.is_ideal:
-            told = self._driver.signs.explain(self._tick, self.parameters.control_period)
-            reason = f"{told}; {reason}" if reason else told
+        """Let the robot lie until a reset, for a reason, which the push and the limits that were reached explain."""
+        driver, p = self._driver, self.parameters
+        if driver is not None:
+            if driver.is_ideal and driver.signs.push is not None:
+                driver.signs = driver.signs.seen(("not_capturable",), self._tick, p.control_period, self._needed_step())
+            told = driver.signs.explain(self._tick, p.control_period)
+            if not driver.is_ideal:
+                reason = f"{told}; {reason}" if reason else told
+            elif driver.signs.push is not None or driver.signs.signs:
+                reason = told
         self._why_fallen, self._flight = reason, None
         self._com = CoMState.at_rest(self._com.position)
+
+    def _needed_step(self) -> NeededStep | None:
+        """The step that would stop the robot, if it is out of reach, with the CoP as near to the DCM as it can be."""
+        gait, pendulum = self._gait.at(self._tick), self._generator.pendulum
+        time = gait.time_to_touchdown if gait.phase is not Phase.STANDING else self.parameters.step_duration
+        dcm = pendulum.dcm(self._com)
+        cop = nearest_within(self._stance(gait).polygon, dcm)
+        support = self._feet[gait.support_side]
+        away = cop + (dcm - cop) * np.exp(pendulum.omega * time) - support.position
+        region = self.robot.foothold_region_at(0.0, gait.support_side.other)
+        return needed_step(rotation(support.yaw).T @ away, region, self.robot.sole)
 
     def _snapshot(
         self, reference: Reference, impulse: Vector, plan: Plan | None, gait: GaitState, plant: PlantTick | None
@@ -537,8 +563,17 @@ class Simulation:
             dynamics = driver.drive(self._body_target(), on_ground, push, (), None)
         except InverseKinematicsError as failure:
             self._fall_down(str(failure))
-            return replace(snapshot, status=Status.FALLEN, reason=str(failure), plan=None)
+            return replace(snapshot, status=Status.FALLEN, reason=self._why_fallen, plan=None)
+        driver.signs = self._signs_of_model(driver, snapshot)
         return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
+
+    def _signs_of_model(self, driver: BodyDriver, snapshot: Snapshot) -> FallSigns:
+        """The limits that the plan reached at this tick, added to those before, where nothing measures the body."""
+        is_lost = snapshot.plan is not None and not snapshot.plan.is_capturable
+        reached = {"step_too_short": snapshot.status is Status.RELAXED, "not_capturable": is_lost}
+        now = [name for name, is_reached in reached.items() if is_reached]
+        step = self._needed_step() if is_lost and driver.signs.step is None else None
+        return driver.signs.seen(now, self._tick, self.parameters.control_period, step)
 
     def _signs_of_fall(self, driver: BodyDriver, snapshot: Snapshot, plant: PlantTick, dynamics: Dynamics) -> FallSigns:
         """The limits that are reached at this tick, added to those before."""
@@ -550,7 +585,8 @@ class Simulation:
             "sole_tilted": any(is_tilted(plant.measured.soles[foot.side]) for foot in snapshot.stance.feet),
         }
         now = [name for name, is_reached in reached.items() if is_reached]
-        return driver.signs.seen(now, self._tick, self.parameters.control_period)
+        step = self._needed_step() if reached["not_capturable"] and driver.signs.step is None else None
+        return driver.signs.seen(now, self._tick, self.parameters.control_period, step)
 
 
 def _promise(plan: Plan) -> tuple[bool, bool, bool]:

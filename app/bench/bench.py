@@ -15,6 +15,8 @@ from importlib.metadata import version
 from itertools import repeat
 from typing import Any
 
+import numpy as np
+
 from app.bench.solvers import CLOCK, Durations, SolverResult, compare, problems_of
 from walkcore import Command, Push, Reference, Scenario, Simulation, load_scenario
 from walkcore.mpc.plan import Status
@@ -177,7 +179,7 @@ def _recoveries(point_mass: Scenario) -> list[dict[str, float]]:
             for k in range(8):
                 state = simulation.state
                 angle = k * math.pi / 4
-                push = Push([strength * math.cos(angle), strength * math.sin(angle)])
+                push = Push(strength * np.array([math.cos(angle), math.sin(angle)]))
                 for command in (Command(push=push), *repeat(Command(), RECOVERY_TICKS)):
                     snapshot = simulation.step(command)
                     if snapshot.status is Status.RELAXED:

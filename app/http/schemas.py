@@ -131,9 +131,10 @@ class RobotLimits(BaseModel):
 
 
 class RobotBody(BaseModel):
-    """A robot that ships."""
+    """A robot that ships, or walks here."""
 
     name: str
+    title: str = Field(description="Name as it is written in a sentence.")
     mass: float = Field(description="[kg]")
     com_height: float = Field(description="[m]")
     has_body: bool = Field(description="False for a point mass with feet.")
@@ -191,6 +192,7 @@ def robot_body(robot: Robot) -> RobotBody:
     limits = RobotLimits(**robot.max_reference, push=robot.max_push)  # type: ignore[arg-type]  # its keys are ours
     return RobotBody(
         name=robot.name,
+        title=robot.title,
         mass=robot.mass,
         com_height=robot.com_height,
         has_body=robot.body is not None,

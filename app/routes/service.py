@@ -65,9 +65,10 @@ async def metrics(request: Request) -> Response:
 
 
 @router.get("/robots")
-async def robots() -> list[RobotBody]:
-    """The robots that ship, with the limits of references and pushes."""
-    return _robots()
+async def robots(runner: LiveRunner) -> list[RobotBody]:
+    """The robots that ship and the one that walks here, with the limits of references and pushes."""
+    walking = runner.robot
+    return [robot_body(walking), *(robot for robot in _robots() if robot.name != walking.name)]
 
 
 @router.get("/scenarios")

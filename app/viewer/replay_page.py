@@ -1,6 +1,7 @@
 """Recording as a page that plays in three dimensions from disk, drawn by the same scene as the live robot."""
 
 import html
+from pathlib import Path
 
 import viser
 
@@ -11,6 +12,7 @@ from app.viewer.viewer import start_server
 from walkcore import Parameters, Recording
 from walkcore.scenario.replay import replayed
 
+DRAW_OVER = Path(__file__).parents[2] / "static" / "draw_over.js"
 PERIOD = 1 / 30  # [s] between frames
 MAX_FRAMES = 3600  # longer walks are shown with fewer frames a second, so that the page stays small
 SKY, FLOOR = (255, 255, 255), (150, 150, 155)
@@ -41,7 +43,9 @@ def _played(server: viser.ViserServer, recording: Recording) -> str:
         assign_to_handles(server, scene.updates)
         serializer.insert_sleep(every * period)
     name = html.escape(recording.scenario.name)
-    return serializer.as_html().replace("<title>Viser</title>", f"<title>{name}</title>", 1)
+    page = serializer.as_html().replace("<title>Viser</title>", f"<title>{name}</title>", 1)
+    script = f"{DRAW_OVER.read_text(encoding='utf-8')}\ndrawDotsOver(window);"
+    return f'{page}<script type="module">{script}</script>'
 
 
 def _illuminate(server: viser.ViserServer) -> None:

@@ -171,3 +171,19 @@ def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
         landing: side of the landing foot, not of the support.
     """
     return region if landing is Side.LEFT else mirrored(region)
+
+
+def nearest_within(polygon: Matrix, point: Vector) -> Vector:
+    """The point itself, or the nearest one of a convex polygon's border if it is outside.
+
+    Args:
+        polygon: counter-clockwise [m], shape (V, 2).
+        point: [m], shape (2,).
+    """
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    to_point = point - polygon
+    if np.all(edges[:, 0] * to_point[:, 1] - edges[:, 1] * to_point[:, 0] >= 0.0):
+        return point
+    along = np.clip(np.sum(edges * to_point, axis=1) / np.sum(edges * edges, axis=1), 0.0, 1.0)
+    nearest: Matrix = polygon + along[:, None] * edges
+    return nearest[np.argmin(np.hypot(*(point - nearest).T))]

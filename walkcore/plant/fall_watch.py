@@ -8,8 +8,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from walkcore.mpc.stance import Side
 from walkcore.plant.plant import Measurement, SolePose
+from walkcore.values import Matrix, Vector
 
 LOWEST = 0.75  # of the CoM's height: a body below has fallen
 MAX_TILT = 0.8  # [rad] of the torso from upright
@@ -55,11 +58,54 @@ class LastPush:
 
 
 @dataclass(frozen=True, slots=True)
+class NeededStep:
+    """The step that would have stopped the robot, beside what its legs can reach."""
+
+    needed: float
+    """Along one axis of the support foot's frame [m]."""
+    limit: float
+    """End of the foothold region on that side [m]."""
+    is_sideways: bool
+    """Whether the axis is the foot's y, and not its x."""
+
+    def in_words(self) -> str:
+        """The step and the region."""
+        way = direction_in_words(0.0, self.needed) if self.is_sideways else direction_in_words(self.needed, 0.0)
+        end = (
+            f"the region ends at {abs(self.limit):.2f} m" if self.needed * self.limit > 0.0 else "across the other leg"
+        )
+        return f"the step needed was {abs(self.needed):.2f} m {way}, {end}"
+
+
+def needed_step(dcm_at_touchdown: Vector, region: Matrix, sole: Matrix) -> NeededStep | None:
+    """The step that stops the robot, where it is out of reach: the sole would have to reach the DCM.
+
+    Args:
+        dcm_at_touchdown: DCM when the foot comes down, in the support foot's frame [m], shape (2,).
+        region: where that foot may land, in the same frame [m], shape (V, 2).
+        sole: outline of a sole in its own frame [m], shape (V, 2).
+
+    Returns:
+        None where the step is within the region along both axes.
+    """
+    half = np.max(np.abs(sole), axis=0)
+    low, high = region.min(axis=0), region.max(axis=0)
+    beyond = dcm_at_touchdown - np.clip(dcm_at_touchdown, low - half, high + half)
+    axis = int(np.argmax(np.abs(beyond)))
+    if beyond[axis] == 0.0:
+        return None
+    limit = high[axis] if beyond[axis] > 0.0 else low[axis]
+    return NeededStep(float(limit + beyond[axis]), float(limit), is_sideways=axis == 1)
+
+
+@dataclass(frozen=True, slots=True)
 class FallSigns:
-    """The limits that were reached lately, in the order in which they were, and the last push."""
+    """The limits that were reached lately, in the order in which they were, the last push, and the step it needed."""
 
     signs: tuple[Sign, ...] = ()
     push: LastPush | None = None
+    step: NeededStep | None = None
+    """Of the moment when the DCM left the capturable set; None before, or where it was within reach."""
 
     def pushed(self, push: LastPush, goes_on: bool) -> "FallSigns":
         """The signs after a push; those before it no longer count.
@@ -71,22 +117,24 @@ class FallSigns:
         if not goes_on or self.push is None:
             return FallSigns((), push)
         whole = replace(self.push, forward=self.push.forward + push.forward, left=self.push.left + push.left)
-        return FallSigns(self.signs, whole)
+        return FallSigns(self.signs, whole, self.step)
 
-    def seen(self, now: Sequence[str], tick: int, period: float) -> "FallSigns":
+    def seen(self, now: Sequence[str], tick: int, period: float, step: NeededStep | None = None) -> "FallSigns":
         """The signs one tick later.
 
         Args:
             now: names of the limits that are reached at this tick.
             tick: of it.
             period: of a tick [s].
+            step: that is needed at this tick and out of reach.
         """
         if not now and not self.signs:
             return self
         recent = [sign for sign in self.signs if (tick - sign.last) * period < FORGOTTEN]
         known = {sign.name for sign in recent}
+        needed = (self.step or step) if "not_capturable" in {*known, *now} else None
         kept = [Sign(sign.name, sign.first, tick) if sign.name in now else sign for sign in recent]
-        return FallSigns((*kept, *(Sign(name, tick, tick) for name in now if name not in known)), self.push)
+        return FallSigns((*kept, *(Sign(name, tick, tick) for name in now if name not in known)), self.push, needed)
 
     def explain(self, tick: int, period: float) -> str:
         """The reason of a fall in words.
@@ -101,6 +149,8 @@ class FallSigns:
             strength, direction = math.hypot(push.forward, push.left), direction_in_words(push.forward, push.left)
             after = (tick - push.tick) * period
             words = f"{strength:.0f} N s {direction} {push.phase}: the robot fell {after:.1f} s later"
+        if self.step is not None:
+            words = f"{words}; {self.step.in_words()}"
         told = [f"{SIGNS[sign.name]} ({_when(sign, tick, push, period)})" for sign in self.signs[:NB_TOLD]]
         return f"{words}; first {', then '.join(told)}" if told else words
 

@@ -2,6 +2,7 @@
 
 from concurrent.futures import TimeoutError
 from functools import partial
+from html import escape
 from typing import Any
 
 import viser
@@ -9,6 +10,7 @@ import viser
 from app.descriptions import descriptions
 from app.live.runner import NoResponseError, Runner
 from walkcore import Parameters, WalkError
+from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.parameters import FIXED, LIMITS
 
@@ -29,6 +31,9 @@ AT_START = "initial_double_support_duration"  # matters before the first step on
 NUMBERS = {name: SYMBOLS.get(name, name) for name in LIMITS if name not in (*FIXED, AT_START)}
 """Label of each parameter that is typed in: every number that may change while the robot walks."""
 SWITCHES = {"stepping_in_place": "step in place", "dynamic_filter": "dynamic filter"}
+MEANINGS = '<dl style="font-size:.76em;line-height:1.45;margin:.4em .9em 1em">{}</dl>'
+ROW = '<dt style="font-weight:600">{}</dt><dd style="margin:0 0 .4em;opacity:.75">{}</dd>'
+NOTICE = 8.0  # [s] for which a refusal is shown
 TIMEOUT = 2.0  # [s] for the control process to respond
 
 
@@ -51,14 +56,19 @@ class MethodTab:
             """Text fields by the names of their parameters."""
         form.on_submit(self.apply)
         gui.add_button("Apply", hint="So does Enter").on_click(self.apply)
+        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=now.solver, hint=hints["solver"])
+        """Choice of the QP solver."""
         self._switches = {
             name: gui.add_checkbox(label, getattr(now, name), hint=hints[name]) for name, label in SWITCHES.items()
         }
         self.scheme.on_update(self.change_scheme)
+        self.solver.on_update(self.change_solver)
         for name, handle in self._switches.items():
             handle.on_update(partial(self._switch, name))
         gui.add_button("Defaults", hint="The parameters that the walk began with").on_click(self.restore)
         gui.add_markdown(_fixed(now))
+        rows = "".join(ROW.format(escape(label), escape(hints[name])) for name, label in NUMBERS.items())
+        gui.add_html(MEANINGS.format(rows))  # a finger cannot hover over a field
 
     def apply(self, event: viser.GuiEvent[Any]) -> None:
         """Change the parameters whose numbers were typed anew, all at once."""
@@ -92,6 +102,11 @@ class MethodTab:
             values["horizon_samples"] = max(self._defaults.horizon_samples, least)
         self._change(event.client, values)
 
+    def change_solver(self, event: viser.GuiEvent[Any]) -> None:
+        """Change to the chosen solver."""
+        if event.client is not None:  # not set by `update`
+            self._change(event.client, {"solver": self.solver.value})
+
     def restore(self, event: viser.GuiEvent[Any]) -> None:
         """Change all parameters back to those that the walk began with."""
         if event.client is not None:
@@ -104,7 +119,7 @@ class MethodTab:
             self._refuse(client, str(refusal) or "the control process does not respond")
 
     def _refuse(self, client: viser.ClientHandle, reason: str) -> None:
-        client.add_notification("Not changed", reason, color="red")
+        client.add_notification("Not changed", reason, color="red", auto_close_seconds=NOTICE)
         self._show(self._runner.parameters)
 
     def update(self) -> None:
@@ -115,6 +130,7 @@ class MethodTab:
     def _show(self, parameters: Parameters) -> None:
         self._shown = parameters
         self.scheme.value = _label(parameters.scheme)
+        self.solver.value = parameters.solver
         for name, handle in self.numbers.items():
             handle.value = _text(getattr(parameters, name))
         for name, handle in self._switches.items():

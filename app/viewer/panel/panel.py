@@ -11,7 +11,7 @@ import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, NoResponseError, Runner
-from app.viewer.panel.method_tab import MethodTab
+from app.viewer.panel.method_tab import NOTICE, MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab
 from app.viewer.panel.plots_tab import PlotsTab
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
@@ -129,14 +129,14 @@ class DriveTab:
                 self._lease.check(page)
         except LeaseHeldError as refusal:
             if event.client is not None:
-                event.client.add_notification("Not driven", str(refusal), color="red")
+                event.client.add_notification("Not driven", str(refusal), color="red", auto_close_seconds=NOTICE)
             return
         # A client may send any value, whatever range its slider shows.
         try:
             self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
         except NoResponseError as refusal:
             if event.client is not None:
-                event.client.add_notification("Not driven", str(refusal), color="red")
+                event.client.add_notification("Not driven", str(refusal), color="red", auto_close_seconds=NOTICE)
 
     def update(self, state: LiveState) -> None:
         """Show the reference of another driver; name no client any more once the one that moved the sliders is gone."""

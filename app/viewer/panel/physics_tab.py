@@ -8,6 +8,7 @@ import viser
 
 from app.descriptions import descriptions
 from app.live.runner import LiveState, NoResponseError, Runner
+from app.viewer.panel.method_tab import NOTICE
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, WalkError
 from walkcore.plant.world import LIMITS, PERFECT, SENSORS, World
@@ -95,7 +96,7 @@ class PhysicsTab:
             self._refuse(client, str(refusal) or "the control process does not respond")
 
     def _refuse(self, client: viser.ClientHandle, reason: str) -> None:
-        client.add_notification("Not changed", reason, color="red")
+        client.add_notification("Not changed", reason, color="red", auto_close_seconds=NOTICE)
         self._shown = None
 
     def update(self, updates: SceneUpdates, state: LiveState) -> None:

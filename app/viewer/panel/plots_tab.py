@@ -56,9 +56,9 @@ COP_LINES = (
 PLOTS = {
     "CoM velocity [m/s]": (
         Line("forward", COM),
-        Line("reference", REFERENCE, is_dashed=True),
-        Line("left", DCM),
-        Line("reference", REFERENCE, is_dashed=True),
+        Line("its reference", COM, is_dashed=True),
+        Line("left", REFERENCE),
+        Line("its reference", REFERENCE, is_dashed=True),
     ),
     "CoP forward of the support foot [m]": COP_LINES,
     "CoP left of the support foot [m]": COP_LINES,

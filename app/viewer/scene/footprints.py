@@ -11,10 +11,10 @@ from app.viewer.scene.primitives import (
     GroundPolygon,
     Points,
     PolygonStyle,
+    add_flat_picture,
     add_lines,
     counter_clockwise,
     disc,
-    fan,
     outline,
     raised,
 )
@@ -25,7 +25,7 @@ from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.values import Matrix
 
 FOOTHOLDS_PER_FOOT = 4  # of a long horizon; the default one has two
-FRESH_OPACITY = 0.8
+FRESH_OPACITY = 0.85
 PRINT_HEIGHT, PLAN_HEIGHT = 0.002, 0.004  # [m]
 MARK_HEIGHT, RING_HEIGHT = 0.003, 0.012  # [m]
 MARK_THICKNESS, RING_THICKNESS = 3.0, 3.0  # pixels
@@ -51,16 +51,9 @@ class PastFootprints:
         for side, names in self._names.items():
             sole = sole_outline(canvas.robot, side)
             for age, name in enumerate(names):
-                canvas.server.scene.add_mesh_simple(
-                    name,
-                    raised(sole, PRINT_HEIGHT),
-                    fan(len(sole)),
-                    color=GREYS[side],
-                    opacity=FRESH_OPACITY * (1.0 - age / PRINTS_PER_FOOT),
-                    cast_shadow=False,
-                    receive_shadow=False,
-                    visible=False,
-                )
+                opacity = FRESH_OPACITY * (1.0 - age / PRINTS_PER_FOOT)
+                canvas.server.scene.add_frame(name, show_axes=False, visible=False)
+                add_flat_picture(canvas.server, f"{name}/print", sole, GREYS[side], opacity, PRINT_HEIGHT)
                 canvas.server.scene.add_line_segments(
                     f"{name}/shortened",
                     outline(raised(sole, MARK_HEIGHT)),
@@ -110,7 +103,7 @@ class PlannedFootholds:
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
-        styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.22, thickness=2.5) for side, grey in GREYS.items()}
+        styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.34, thickness=4.0) for side, grey in GREYS.items()}
         self._marks = FootholdMarks(canvas, canvas.root, styles)
         self._frame = f"{canvas.root}/ring"
         canvas.server.scene.add_frame(self._frame, show_axes=False, visible=False)

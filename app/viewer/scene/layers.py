@@ -95,7 +95,6 @@ LAYERS = {
         "DCM c + dc/ω: a foot there would stop the robot",
         palette.DCM,
         partial(PointDrawing, MODEL_DCM),
-        is_on=False,
     ),
     "measured_dcm": Layer(
         "measured DCM",
@@ -105,7 +104,7 @@ LAYERS = {
         is_on=False,
     ),
     "trails": Layer("trails", "Where these points were during the last two seconds", is_on=False),
-    "preview": Layer("preview", "Where the model will have them over the horizon", is_on=False),
+    "preview": Layer("preview", "Where the model will have them over the horizon"),
     "reference": Layer("reference", "Reference velocity", palette.REFERENCE, ReferenceDrawing),
     "velocity": Layer("velocity", "Velocity of the centre of mass", palette.COM, CoMVelocityDrawing, is_on=False),
     "push": Layer("push", "The last push, and the effect of the next one", palette.PUSH, PushDrawing),

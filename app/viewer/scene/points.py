@@ -20,7 +20,8 @@ from app.viewer.scene.frame import TRAIL_POINTS, Canvas, Frame
 from app.viewer.scene.primitives import add_dot, add_lines, path
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
-from walkcore.mpc.plan import Plan
+from walkcore.mpc.plan import Plan, Status
+from walkcore.mpc.regions import nearest_within
 from walkcore.values import Matrix, Vector
 
 TRAIL_HEIGHT, PREVIEW_HEIGHT = 0.007, 0.008  # [m]
@@ -41,6 +42,10 @@ class PointStyle:
     """[m]."""
     height: float
     """Height of the dot [m], so that none hides another."""
+    hole: float = 0.0
+    """Radius of a hole in it, in radii: a ring shows what lies at the same place."""
+    is_cop: bool = False
+    """Whether it is a centre of pressure, which lies within the support, and which a fallen robot does not have."""
 
 
 def body_com(snapshot: Snapshot) -> Vector:
@@ -64,12 +69,24 @@ def measured_dcm(snapshot: Snapshot) -> Vector | None:
     return body.com[:2] - snapshot.com_offset + body.com_velocity[:2] / snapshot.pendulum.omega
 
 
-CENTRE_OF_MASS = PointStyle(body_com, lambda plan: plan.com, COM, COM, 0.016, 0.009)
-MODEL_COP = PointStyle(lambda now: now.cop, lambda plan: plan.cop, COP, COP_TRAIL, 0.020, 0.011)
-FULL_COP = PointStyle(lambda now: now.true_cop, lambda _: None, TRUE_COP, TRUE_COP, 0.015, 0.013)
-CONTACT_COP = PointStyle(ground_cop, lambda _: None, GROUND_COP, GROUND_COP, 0.011, 0.017)
-MEASURED = PointStyle(measured_dcm, lambda _: None, MEASURED_DCM, MEASURED_DCM, 0.012, 0.019)
-MODEL_DCM = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, DCM, DCM, 0.017, 0.015)
+CENTRE_OF_MASS = PointStyle(body_com, lambda plan: plan.com, COM, COM, 0.024, 0.009)
+MODEL_COP = PointStyle(lambda now: now.cop, lambda plan: plan.cop, COP, COP_TRAIL, 0.038, 0.011, hole=0.52, is_cop=True)
+FULL_COP = PointStyle(lambda now: now.true_cop, lambda _: None, TRUE_COP, TRUE_COP, 0.022, 0.013, is_cop=True)
+CONTACT_COP = PointStyle(ground_cop, lambda _: None, GROUND_COP, GROUND_COP, 0.014, 0.017, is_cop=True)
+MEASURED = PointStyle(measured_dcm, lambda _: None, MEASURED_DCM, MEASURED_DCM, 0.018, 0.019)
+MODEL_DCM = PointStyle(lambda now: now.dcm, lambda plan: plan.dcm, DCM, DCM, 0.026, 0.008)
+
+
+def drawn_point(style: PointStyle, snapshot: Snapshot) -> Vector | None:
+    """Place of a point as it is drawn [m], shape (2,); None where there is none.
+
+    A centre of pressure beyond the edge of the support does not exist: the motion that asks for one tips the soles
+    about that edge, where the pressure then is.
+    """
+    point = style.position(snapshot)
+    if point is None or not style.is_cop:
+        return point
+    return None if snapshot.status is Status.FALLEN else nearest_within(snapshot.stance.polygon, point)
 
 
 class PointDrawing:
@@ -79,7 +96,7 @@ class PointDrawing:
         """Make the nodes once, invisible."""
         self._style, self._dot, self._frame = style, f"{canvas.root}/dot", f"{canvas.root}/at_com"
         self._trail, self._preview = f"{self._frame}/trail", f"{self._frame}/preview"
-        add_dot(canvas.server, self._dot, style.colour, style.radius)
+        add_dot(canvas.server, self._dot, style.colour, style.radius, style.hole)
         canvas.server.scene.add_frame(self._frame, show_axes=False)
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
         colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
@@ -89,7 +106,7 @@ class PointDrawing:
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Put the dot on the point, and draw its lines if their layers are shown."""
-        point, com = self._style.position(frame.snapshot), frame.snapshot.com.position
+        point, com = drawn_point(self._style, frame.snapshot), frame.snapshot.com.position
         updates.visible(self._dot, point is not None)
         if point is not None:
             updates.on_ground(self._dot, point, height=self._style.height)
@@ -100,7 +117,9 @@ class PointDrawing:
             self._draw_preview(updates, frame, point, com)
 
     def _draw_trail(self, updates: SceneUpdates, frame: Frame, com: Vector) -> None:
-        past = [self._style.position(snapshot) for snapshot in frame.history.trail] if "trails" in frame.shown else []
+        past = (
+            [drawn_point(self._style, snapshot) for snapshot in frame.history.trail] if "trails" in frame.shown else []
+        )
         known = [point for point in past if point is not None]
         is_shown = len(known) == TRAIL_POINTS
         updates.visible(self._trail, is_shown)
@@ -134,6 +153,8 @@ class CentreOfMassDrawing:
         """Put ball, line and dot in place."""
         self._point.update(updates, frame)
         snapshot = frame.snapshot
+        lies_where_it_is_not_known = snapshot.status is Status.FALLEN and snapshot.plant is None
+        updates.visible(self._mass, not lies_where_it_is_not_known)
         updates.on_ground(self._mass, body_com(snapshot))
         height = round(snapshot.com_height if snapshot.plant is None else float(snapshot.plant.measured.com[2]), 3)
         if height != self._height:

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from app.drawing.palette import COP_RIM, Colour, linear
+from app.drawing.palette import COP_RIM, Colour, linear, mixed
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore.values import Matrix, Vector
 
@@ -65,19 +65,81 @@ def plate(polygon: ArrayLike, thickness: float) -> tuple[Points, Faces]:
     return vertices, np.vstack([fan(n)[:, ::-1], fan(n, first=n), sides]).astype(np.uint32)
 
 
-def add_dot(server: viser.ViserServer, name: str, colour: Colour, radius: float) -> None:
-    """Make a flat disc with a white rim, invisible."""
+DOT_PIXELS = 96  # along a side of a dot's picture
+POLYGON_PIXELS = 64  # along a side of a polygon's picture
+BORDER = 0.005  # [m] of its light border
+RIM_SHARE = 0.12  # of a dot's radius that its white rim is wide
+
+
+def dot_picture(colour: Colour, hole: float = 0.0) -> NDArray[np.uint8]:
+    """Picture of a disc with a white rim, shape (DOT_PIXELS, DOT_PIXELS, 4), transparent around it and in its hole.
+
+    Args:
+        colour: of the disc.
+        hole: radius of the hole in radii of the disc; it has a rim, too.
+    """
+    across = np.linspace(-1.0, 1.0, DOT_PIXELS)
+    radius = np.hypot(*np.meshgrid(across, across))
+    sharpness = DOT_PIXELS / 3.0  # edges are soft over a pixel or two
+
+    def within(outer: float, inner: float) -> NDArray[np.float64]:
+        is_out, is_in = (outer - radius) * sharpness, (radius - inner) * sharpness
+        return np.clip(is_out + 0.5, 0.0, 1.0) * (np.clip(is_in + 0.5, 0.0, 1.0) if inner > 0.0 else 1.0)
+
+    face = within(1.0 - RIM_SHARE, hole and hole + RIM_SHARE)[..., None]
+    rgb = face * np.array(colour) + (1.0 - face) * np.array(COP_RIM)
+    return np.dstack([rgb, 255.0 * within(0.98, hole)]).round().astype(np.uint8)
+
+
+def add_dot(server: viser.ViserServer, name: str, colour: Colour, radius: float, hole: float = 0.0) -> None:
+    """Make a flat disc, or a ring, with a white rim, invisible.
+
+    It is a picture: pictures are not lit, so the dot has the colour of the legend on any ground. The page draws it over
+    the feet, which it lies below.
+
+    Args:
+        server: gets the nodes.
+        name: path of the frame to move.
+        colour: of the disc.
+        radius: [m].
+        hole: radius of the hole in radii of the disc.
+    """
     server.scene.add_frame(name, show_axes=False, visible=False)
-    for part, color, size, lift in (("rim", COP_RIM, 1.35 * radius, 0.0), ("face", colour, radius, 0.001)):
-        server.scene.add_mesh_simple(
-            f"{name}/{part}",
-            *disc(size),
-            color=color,
-            position=(0.0, 0.0, lift),
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+    size = 2.0 * radius
+    server.scene.add_image(
+        f"{name}/face", dot_picture(colour, hole), size, size, format="png", cast_shadow=False, receive_shadow=False
+    )
+
+
+def add_flat_picture(
+    server: viser.ViserServer, name: str, polygon: Matrix, colour: Colour, opacity: float, height: float
+) -> None:
+    """Make a filled polygon on the ground as a picture, which is not lit, with a light border for a dark ground.
+
+    Args:
+        server: gets the node.
+        name: path of the node.
+        polygon: convex, counter-clockwise [m], shape (V, 2).
+        colour: of all of it.
+        opacity: in [0, 1].
+        height: above the ground [m].
+    """
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    # A picture's rows go along y, its columns along x.
+    x, y = (np.linspace(low[axis], high[axis], POLYGON_PIXELS) for axis in range(2))
+    points = np.dstack(np.meshgrid(x, y))
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    to_points = points[:, :, None] - polygon
+    crossed = edges[:, 0] * to_points[..., 1] - edges[:, 1] * to_points[..., 0]
+    depth_inside = np.min(crossed / np.hypot(*edges.T), axis=2)  # [m] from the nearest edge
+    alpha = np.where(depth_inside >= -1e-9, round(255.0 * opacity), 0)
+    rgb = np.where(depth_inside[..., None] < BORDER, mixed(colour, COP_RIM, 0.6), colour)
+    picture = np.dstack([rgb, alpha]).astype(np.uint8)
+    width, depth = (high - low).tolist()
+    middle = (*((low + high) / 2.0).tolist(), height)
+    server.scene.add_image(
+        name, picture, width, depth, format="png", position=middle, cast_shadow=False, receive_shadow=False
+    )
 
 
 def add_lines(

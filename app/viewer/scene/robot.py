@@ -1,5 +1,6 @@
 """Robot itself: its meshes where forward kinematics puts them, or a point mass on two legs."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -21,8 +22,11 @@ from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
 
 TRANSLUCENT = 0.3  # opacity
-FEET = 0.45  # opacity: the centres of pressure lie below them
 FALLEN_SHARE = 0.6  # of the colour of a fallen robot
+LYING = 1.5  # [rad] of a body that lies
+FIRST_TILT = 0.15  # [rad] from which a fall begins
+THICKNESS = 0.16  # [m] from the edge of the support to what lies on the ground
+MAX_FALL_STEP = 0.05  # [s] of a frame
 FOOT_THICKNESS = 0.03  # [m] of the plates that stand for feet
 
 
@@ -39,22 +43,20 @@ class BodyDrawing:
         """Load and send the meshes once."""
         model = load_model(body)
         self._colours: dict[str, Colour] = {}
-        self._opacities: dict[str, float | None] = {}
         self._has_fallen = self._is_translucent = False
-        feet = {model.frames[model.getFrameId(body.sole(side))].parentJoint for side in Side}
+        self._topple = Topple(canvas.root)
         parts = body_parts(body, model, canvas.quality.face_ratio)
         nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):
             name = f"{nodes[part.joint]}/{index}"
-            opacity = FEET if part.joint in feet else None
-            self._colours[name], self._opacities[name] = part.colour, opacity
+            self._colours[name] = part.colour
             mesh = add_mesh(
                 canvas.server.scene,
                 name,
                 *part.quantised(),
                 color=part.colour,
-                opacity=opacity,
+                opacity=None,
                 side="double",  # shells of one layer, seen from inside where they are open
                 cast_shadow=True,
                 receive_shadow=False,
@@ -69,6 +71,7 @@ class BodyDrawing:
             q: list[float] = snapshot.q.tolist()
             for node, joint in self._joints.items():
                 joint.move(updates, node, q)
+        self._topple.update(updates, frame)
         has_fallen = snapshot.status is Status.FALLEN
         if has_fallen is not self._has_fallen:
             self._has_fallen = has_fallen
@@ -77,8 +80,8 @@ class BodyDrawing:
         is_translucent = "see_through" in frame.shown
         if is_translucent is not self._is_translucent:
             self._is_translucent = is_translucent
-            for name, solid in self._opacities.items():
-                opacity = TRANSLUCENT if is_translucent else solid
+            opacity = TRANSLUCENT if is_translucent else None
+            for name in self._colours:
                 updates.properties(name, opacity=opacity, cast_shadow=not is_translucent)
 
 
@@ -110,6 +113,45 @@ def _ancestry(parents: Sequence[int], joint: int) -> Iterator[int]:
     while joint:
         yield joint
         joint = parents[joint]
+
+
+class Topple:
+    """Fall of a body that no physics lets fall: rigid, about the edge of its support, as a pendulum from its foot.
+
+    It shows that the robot lies; how a real one would fall is for contact physics.
+    """
+
+    def __init__(self, root: str) -> None:
+        """Let the node fall that carries the body; its frame is the world's."""
+        self._root, self._angle, self._rate = root, 0.0, 0.0
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Let the body of a robot that has fallen go on falling, and put any other one upright."""
+        snapshot = frame.snapshot
+        if snapshot.status is not Status.FALLEN or snapshot.plant is not None:
+            if self._angle:
+                self._angle = self._rate = 0.0
+                updates.position(self._root, (0.0, 0.0, 0.0))
+                updates.orientation(self._root, (1.0, 0.0, 0.0, 0.0))
+            return
+        omega = snapshot.pendulum.omega
+        elapsed = min(frame.elapsed, MAX_FALL_STEP)
+        self._rate += elapsed * omega**2 * math.sin(max(self._angle, FIRST_TILT))
+        self._angle = min(self._angle + elapsed * self._rate, LYING)
+        corners, com = snapshot.stance.polygon, snapshot.com.position
+        middle = corners.mean(axis=0)
+        way = com - middle
+        length = float(np.hypot(*way))
+        x, y = (way / length).tolist() if length > 1e-3 else (math.cos(snapshot.heading), math.sin(snapshot.heading))
+        edge = middle + max((corners - middle) @ (x, y)) * np.array([x, y])
+        # p -> edge + R (p - edge), with R about z cross the way; raised by what of the body lies beyond the edge
+        sin, cos = math.sin(self._angle), math.cos(self._angle)
+        along = float(edge @ (x, y))
+        height = along * sin + THICKNESS * sin
+        shift = along * (1.0 - cos)
+        updates.position(self._root, (shift * x, shift * y, height))
+        half = self._angle / 2
+        updates.orientation(self._root, (math.cos(half), -y * math.sin(half), x * math.sin(half), 0.0))
 
 
 class PointMassDrawing:

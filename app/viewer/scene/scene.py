@@ -24,7 +24,7 @@ GRID_HEIGHT = 0.001  # [m]; at exactly zero the grid can vanish
 GRID_SIZE, SECTION, CELL = 40.0, 1.0, 0.25  # [m]
 FOLLOW_TIME = 0.6  # [s] in which the camera follows: slow enough not to sway with the robot
 MAX_DISTANCE = 1.0  # [m] from the middle to the robot; beyond it the robot was reset, and the camera jumps
-CAMERA_POSITION, CAMERA_TARGET = (-2.45, 1.75, 1.55), (0.15, 0.0, 0.78)  # [m], relative to the robot on the ground
+CAMERA_POSITION, CAMERA_TARGET = (-2.9, 1.2, 2.1), (0.2, 0.0, 0.7)  # [m], relative to the robot on the ground
 FIELD_OF_VIEW = 0.70  # [rad]
 
 

@@ -1,0 +1,120 @@
+"""Every control of the page is inside the window, reachable and uncovered, at every size and in every state."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from conftest import PATIENCE, Server, wait_for
+from playwright.sync_api import Browser, Page, expect
+
+# Sizes at which something was out of reach once: tablets and phones, both ways round, with the panel and without.
+SIZES = [
+    (320, 360), (320, 568), (360, 640), (390, 844), (740, 360), (932, 430), (640, 560), (721, 500), (820, 1180),
+    (950, 620), (1081, 700), (1180, 820),
+]  # fmt: skip
+WIDTHS, HEIGHTS = range(320, 1501, 59), range(360, 1101, 148)
+FONTS = ["Liberation Sans Narrow", "DejaVu Sans"]  # the narrowest and the widest here
+ALWAYS = {"zero", "stop", "speed", "reset", "help", "panel", "share", "save", "views"}
+PADS = {"joystick", "turn", "ring", "push", "strength", "random"}
+MORE = {"walking": set(), "paused": {"one-tick", "one-sample"}, "fallen": {"stand-up"}}
+
+# As viser lays out its panel: beside the scene, or on a narrow window below it.
+SCENE = """<!doctype html><html><head><style>
+  body { margin: 0 } [data-dock-root], [data-dock-root] > * { position: absolute; inset: 0 }
+  html:not(.no-panel) [data-dock-root] > * { right: 308px }
+  @media (max-width: 576px) { html:not(.no-panel) [data-dock-root] > * { inset: 0 0 44% 0 } }
+</style></head><body id=root><div data-dock-root><div>scene</div></div></body></html>"""
+
+TROUBLE = """(required) => {
+  const inside = document.querySelector("iframe").contentDocument;
+  const inner = inside.querySelector("[data-dock-root] > *").getBoundingClientRect();
+  const scene = document.querySelector("main").getBoundingClientRect();
+  const found = [];
+  const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text";
+  const isThere = (e) =>
+    !e.closest("dialog, #notices") && e.checkVisibility({visibilityProperty: true}) &&
+    (e.textContent || !e.matches(".caption"));
+  const shown = [...document.querySelectorAll(controls)].filter(isThere);
+  const ids = new Set(shown.map((e) => e.id));
+  for (const id of required) if (!ids.has(id)) found.push(`${id} is not there`);
+  for (const e of shown) {
+    const name = e.id || e.className;
+    const { left, right, top, bottom, width, height } = e.getBoundingClientRect();
+    const [x, y] = [(left + right) / 2, (top + bottom) / 2];
+    const isOnScene = e.closest("main") !== null;
+    const [far, low] = isOnScene ? [inner.right, scene.top + inner.bottom] : [innerWidth, scene.top];
+    if (left < -0.5 || top < -0.5 || right > far + 0.5 || bottom > low + 0.5) found.push(`${name} is outside`);
+    if (e.matches("button, select") && Math.min(width, height) < 24) found.push(`${name} is too small`);
+    if (e.matches("button") && e.scrollWidth > e.clientWidth + 1) found.push(`${name} is cut off`);
+    const points = [[left + 3, y], [right - 3, y], [x, top + 3], [x, bottom - 3]];
+    if (!e.matches(".ring")) points.push([x, y]); // whose middle is a button
+    for (const [px, py] of points) {
+      const hit = document.elementFromPoint(px, py);
+      if (!hit || !e.contains(hit)) {
+        found.push(`${name} is covered by ${hit?.id || hit?.className || hit?.tagName}`);
+        break;
+      }
+    }
+  }
+  return found;
+}"""
+
+
+@pytest.fixture
+def page(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Page]:
+    """The page, with an empty scene and panel."""
+    page = browser.new_page()
+    page.set_default_timeout(1e3 * PATIENCE)
+    page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
+    page.goto(server.url)
+    expect(page.locator("#robot")).to_have_text("Talos", timeout=1e3 * PATIENCE)
+    yield page
+    page.close()
+
+
+def bring_about(state: str, page: Page, api: httpx.Client) -> None:
+    """Let the robot walk, pause, or fall."""
+    api.post("live/reset")
+    api.post("live/resume")
+    if state == "fallen":
+        api.post("live/push", json={"impulse": [0.0, 60.0]})
+        wait_for(lambda: api.get("live").json()["status"] == 2)
+    elif state == "paused":
+        api.post("live/push", json={"impulse": [0.0, 12.0]})
+        wait_for(lambda: (api.get("live").json()["last_push"] or {}).get("survived") is not None)
+        api.post("live/pause")
+    words = {"walking": "standing", "paused": "paused", "fallen": "fallen"}[state]
+    expect(page.locator("#state")).to_contain_text(words, timeout=1e3 * PATIENCE)
+
+
+def trouble(page: Page, sizes: list[tuple[int, int]], state: str, fonts: list[str]) -> list[str]:
+    """All that is wrong at some sizes, with the panel and without."""
+    found = []
+    for font in fonts:
+        page.evaluate("(font) => (document.documentElement.style.fontFamily = font)", font)
+        for has_panel in (False, True):
+            if page.evaluate("document.body.classList.contains('has-panel')") is not has_panel:
+                page.evaluate("document.getElementById('panel').click()")
+            for width, height in sizes:
+                page.set_viewport_size({"width": width, "height": height})
+                page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+                required = ALWAYS | MORE[state] | (set() if has_panel or state == "fallen" else PADS)
+                wrong = page.evaluate(TROUBLE, sorted(required))
+                found += [f"{width}x{height} {state} {'panel ' * has_panel}{font}: {each}" for each in wrong]
+    return found
+
+
+def test_controls_fit_windows_at_which_they_once_did_not(page, api):
+    found = []
+    for state in MORE:
+        bring_about(state, page, api)
+        found += trouble(page, SIZES, state, FONTS[1:])
+    assert found == []
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("state", MORE)
+def test_controls_fit_every_window(page, api, state):
+    bring_about(state, page, api)
+    sizes = [(width, height) for height in HEIGHTS for width in WIDTHS]
+    assert trouble(page, sizes, state, FONTS) == []
