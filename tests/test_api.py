@@ -326,9 +326,10 @@ def test_message_that_is_far_too_long_ends_the_connection(server):
 
 def test_stream_sends_the_keys_of_the_snapshot_route(api, server):
     with connect(server.socket_url("stream?rate=30")) as stream:
-        first, second = (json.loads(stream.recv(PATIENCE), parse_constant=_refuse_constant) for _ in range(2))
+        received = (json.loads(stream.recv(PATIENCE), parse_constant=_refuse_constant) for _ in range(1000))
+        first = next(received)
         assert set(first) == set(live(api))
-        assert second["tick"] > first["tick"]
+        assert any(later["tick"] > first["tick"] for later in received)
         assert api.get("health").json()["clients"] == 1
     wait_for(lambda: api.get("health").json()["clients"] == 0)
 
@@ -454,7 +455,7 @@ def test_preview_shows_the_steps_that_would_follow_and_the_robot_feels_nothing(a
     calm, pushed, hopeless = (
         api.post("live/preview", json={"impulse": [0.0, strength]}).json() for strength in (0.0, 15.0, 60.0)
     )
-    assert set(pushed) == {"status", "survives", "plan"}
+    assert set(pushed) == {"status", "survives", "plan", "step_duration", "next_step_duration"}
     assert calm["survives"] and pushed["survives"] and not hopeless["survives"]
     assert calm["plan"]["footholds"][0]["y"] != pushed["plan"]["footholds"][0]["y"]
     assert live(api)["tick"] == before["tick"]

@@ -190,6 +190,7 @@ def test_a_robot_that_faces_backward_is_turned_around(tmp_path):
         snapshot = walk.step(Command(Reference(vx=0.1)))
         assert snapshot.status == 0, snapshot.reason
     assert snapshot.com.position[0] > 0.03
+    assert np.max(np.abs(snapshot.q[7:] - walk.body.posture[7:])) < 0.8  # no leg is twisted
 
 
 def test_the_legs_may_be_named():

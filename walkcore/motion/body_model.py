@@ -15,6 +15,7 @@ from walkcore.errors import InvalidValueError
 from walkcore.robot import BodyModel, FixedFrame
 from walkcore.values import Vector
 
+TURNED = 0.5  # [rad] from which the base of a posture faces elsewhere
 FREE_FLYER = 7  # numbers of the floating base in a configuration
 
 
@@ -39,10 +40,10 @@ def load_model(body: BodyModel) -> pin.Model:
         kept = [model.joints[model.getJointId(name)] for name in moving]
         angles = [posture[joint.idx_q : joint.idx_q + joint.nq] for joint in kept]
         model, posture = reduced, np.concatenate([posture[:FREE_FLYER], *angles])
-    model.referenceConfigurations["posture"] = posture
     frames = {"left_sole": body.left_sole_frame, "right_sole": body.right_sole_frame, "torso": body.torso_frame}
     for field, frame in frames.items():
         _add_frame(model, frame, field)
+    model.referenceConfigurations["posture"] = _facing_forward(model, body, posture)
     return model
 
 
@@ -66,6 +67,17 @@ def _posture(body: BodyModel, model: pin.Model) -> Vector:
             raise InvalidValueError("robot.body.posture_angles", name, "must be a joint of one angle")
         posture[joint.idx_q] = angle
     return posture
+
+
+def _facing_forward(model: pin.Model, body: BodyModel, posture: Vector) -> Vector:
+    """The posture with its base turned until the torso stands upright and faces x: some bases face backward."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, posture)
+    torso = data.oMf[model.getFrameId(body.torso)].rotation
+    if np.linalg.norm(pin.log3(torso)) < TURNED:
+        return posture
+    base = pin.Quaternion(torso.T @ data.oMi[1].rotation)
+    return np.concatenate([posture[:3], base.coeffs(), posture[FREE_FLYER:]])
 
 
 def _joint(model: pin.Model, name: str, field: str) -> int:
