@@ -150,3 +150,17 @@ def test_the_shortened_steps_of_a_recorded_push_are_those_of_the_live_one():
     assert monitor.last.survived and monitor.last.shortened
     recorded = push_recoveries(record(scenario_from_mapping(story)))
     assert [push.shortened for push in recorded] == [monitor.last.shortened]
+
+
+@pytest.mark.parametrize(("strength", "survived"), [(8.0, True), (58.0, False)])
+def test_in_physics_the_body_is_judged_and_not_the_model_which_hears_of_a_push_later(strength, survived):
+    events = [{"t": 0.5, "push": {"impulse": [0.0, -strength], "duration": 0.0}}]
+    story = {"robot": "talos", "duration": 3.0, "parameters": {"plant": "mujoco"}, "events": events}
+    simulation, monitor = Simulation(load_robot("talos"), Parameters(plant="mujoco")), PushRecoveryMonitor()
+    for tick in range(600):
+        push = Push([0.0, -strength]) if tick == 100 else None
+        monitor.update(balance_state(simulation.step(Command(push=push)), simulation.robot.mass))
+        if tick == 102:
+            assert monitor.last.survived is None
+    (recorded,) = push_recoveries(record(scenario_from_mapping(story)))
+    assert monitor.last.survived is survived is (recorded.time is not None)

@@ -66,13 +66,18 @@ def balance_state(snapshot: Snapshot, mass: float) -> BalanceState:
         snapshot: of a robot.
         mass: of that robot [kg].
     """
-    velocity = snapshot.com.velocity - snapshot.push / mass
+    if snapshot.plant is None:
+        com, velocity, cop = snapshot.com.position, snapshot.com.velocity - snapshot.push / mass, snapshot.cop
+    else:  # the model hears of a push by the body alone, and that begins to move during this tick
+        measured, contact = snapshot.plant.measured, snapshot.plant.contact
+        com, velocity = measured.com[:2], measured.com_velocity[:2]
+        cop = snapshot.cop if contact.cop is None else contact.cop
     return BalanceState(
         t=snapshot.t,
         push=snapshot.push,
-        com=snapshot.com.position,
-        dcm=snapshot.com.position + velocity / snapshot.pendulum.omega,
-        cop=snapshot.cop,
+        com=com,
+        dcm=com + velocity / snapshot.pendulum.omega,
+        cop=cop,
         support=snapshot.support,
         phase=snapshot.phase,
         status=snapshot.status,
@@ -228,6 +233,11 @@ def _balance_states(walk: Walk) -> Iterator[BalanceState]:
     """The balance at each tick before a fall."""
     push, com, cop, support = (points(walk, name) for name in ("push", "com", "cop", "support"))
     before_push = dcm(walk) - push / (walk.parameters["mass"] * pendulum(walk).omega)
+    if "measured_com_x" in walk.columns:  # see `balance_state`
+        com, ground_cop = points(walk, "measured_com"), points(walk, "ground_cop")
+        velocity = np.column_stack([walk["measured_com_vx"], walk["measured_com_vy"]])
+        before_push = com + velocity / pendulum(walk).omega
+        cop = np.where(np.isnan(ground_cop), cop, ground_cop)
     unknown = np.full(len(walk["t"]), math.nan)  # in recordings that are older than step timing
     durations = [walk[name] if name in walk.columns else unknown for name in ("step_duration", "next_step_duration")]
     for k in range(nb_rows_up(walk)):
