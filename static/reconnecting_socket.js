@@ -43,7 +43,10 @@ export class ReconnectingSocket {
     this.pause = Math.min(2 * this.pause, LONGEST_PAUSE);
   }
 
+  /** Send a message if the connection is open; whether it is. */
   send(message) {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+    const isOpen = this.socket?.readyState === WebSocket.OPEN;
+    if (isOpen) this.socket.send(JSON.stringify(message));
+    return isOpen;
   }
 }

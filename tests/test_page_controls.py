@@ -319,6 +319,17 @@ def test_page_tells_what_became_of_the_last_push(visit, api):
     expect(page.get_by_test_id("status")).to_contain_text(UP)
 
 
+def test_push_pressed_before_the_connection_is_open_is_given_once_it_is(visit, api):
+    page, held = visit(), []
+    page.route("**/teleop_worker.js*", lambda route: held.append(route))
+    before = api.get("live").json()["last_push"]
+    page.reload()
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+    page.get_by_test_id("push").click()
+    held[0].continue_()
+    wait_for(lambda: api.get("live").json()["last_push"] != before)
+
+
 def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
     page, other = visit(), visit()
     page.get_by_test_id("random").click()
