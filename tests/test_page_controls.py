@@ -119,11 +119,12 @@ def test_stick_and_ring_mean_directions_of_the_picture(visit, api):
 def test_views_are_chosen_by_button_and_key_and_remembered(visit):
     page = visit(before=FROM_THE_FRONT)
     views = page.get_by_test_id("views")
-    chase = page.frames[1].evaluate("placed")
+    scene = page.frames[1]
+    scene.wait_for_function("typeof placed !== 'undefined' && placed[0] < 0")  # behind the robot
     views.get_by_role("button", name="Front").click()
-    assert page.frames[1].evaluate("placed")[0] > 0.0 > chase[0]  # before the robot, and behind it
+    scene.wait_for_function("placed[0] > 0")  # before it
     page.keyboard.press("4")
-    assert page.frames[1].evaluate("placed")[1] > 2.3  # above it
+    scene.wait_for_function("placed[1] > 2.3")  # above it
     page.reload()
     expect(views.get_by_role("button", name="Top")).to_have_attribute("aria-pressed", "true")
 
