@@ -16,6 +16,7 @@ UNITS = {
     "max_com_distance": "m, horizontal, from the support foot: beyond, the leg is too short and the robot has fallen",
     "max_reference": "m/s, rad/s: a guess from the robot's size",
     "max_push": "N s",
+    "tipping_margin": "m, that the CoP commanded in physics keeps from the edges of the soles",
     "gait": "s, m",
     "body": "frames and files; angles in rad",
 }

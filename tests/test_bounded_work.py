@@ -56,7 +56,7 @@ def test_a_walk_is_written_by_a_process_of_its_own_as_it_would_be_here(runs, ses
 
 
 def test_a_walk_goes_to_its_file_as_it_comes_and_is_not_held(runs, session):
-    """Of what comes from the control process no more than one segment is alive at a time."""
+    """One segment at most of those that come from the control process is alive at a time."""
     alive = 0
 
     class Held(bytes):

@@ -128,6 +128,17 @@ def test_every_robot_that_ships_keeps_its_promises_on_a_walk(name):
     assert snapshot.com.position[0] > 0.5 * fastest
 
 
+@pytest.mark.parametrize("name", ["g1", "alexander"])
+def test_every_robot_with_a_body_walks_in_physics(name):
+    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+    robot = load_robot(name)
+    walk = Simulation(robot, robot.parameters.changed({"plant": "mujoco", "dynamic_filter": True}))
+    for _ in range(1200):
+        snapshot = walk.step(Command(Reference(vx=robot.max_reference["vx"][1])))
+        assert snapshot.status != 2, snapshot.reason
+    assert snapshot.plant.measured.com[0] > 0.7 * 1200 * 0.005 * robot.max_reference["vx"][1]
+
+
 def imported(tmp_path, urdf=G1.body.urdf, packages=G1.body.package_folder):
     measured = measure(urdf, packages)
     robot = robot_from_mapping(robot_mapping(measured, "mine", tmp_path), tmp_path / "mine.yaml")

@@ -52,6 +52,6 @@ def test_the_model_follows_an_error_that_the_soles_take_back_slowly_and_the_rest
 
 @given(directions, lengths)
 def test_the_commanded_cop_lies_in_the_stance_beyond_the_error(direction, length):
-    commanded = commanded_cop(MIDDLE, length * direction, STANCE)
+    commanded = commanded_cop(MIDDLE, length * direction, STANCE, 0.015)
     assert nearest_point(STANCE.polygon, commanded) == pytest.approx(commanded, abs=1e-9)
     assert (commanded - MIDDLE) @ direction >= min(COP_GAIN * length, 0.0449) - 1e-9

@@ -119,6 +119,8 @@ class Robot:
     """Lowest and highest reference vx, vy [m/s] and yaw_rate [rad/s]."""
     max_push: float
     """Largest impulse that may be given [N s]."""
+    tipping_margin: float
+    """Distance that the CoP commanded to a body in physics keeps from the edges of its soles: nearer, they tip [m]."""
     swing_moments: SwingMoments
     """Zero for a robot without a body."""
     parameters: Parameters

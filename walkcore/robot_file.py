@@ -29,7 +29,8 @@ REQUIRED = (
     *("name", "mass", "com_height", "stance_width", "sole", "foothold_regions", "max_foot_speed"),
     *("max_foot_yaw_rate", "max_com_distance", "max_reference", "max_push"),
 )
-OPTIONAL = ("title", "gait", "swing_moments", "body")
+OPTIONAL = ("title", "gait", "tipping_margin", "swing_moments", "body")
+TIPPING_MARGIN = 0.015  # [m], of Talos
 GAIT = (
     *("step_duration", "initial_double_support_duration", "sampling_period", "double_support_duration"),
     *("cop_margin", "swing_height"),
@@ -105,7 +106,8 @@ def robot_from_mapping(data: Any, file: Path, source: str | None = None) -> Robo
     if not name.replace("-", "").replace("_", "").isalnum():
         raise InvalidValueError("robot.name", name, "must be letters, digits, - and _")
     numbers = {key: check_range(f"robot.{key}", values[key], low, high) for key, (low, high) in LIMITS.items()}
-    title, moments = values["title"], values["swing_moments"]
+    title, moments, tipping = (values[key] for key in ("title", "swing_moments", "tipping_margin"))
+    tipping = TIPPING_MARGIN if tipping is None else tipping
     return Robot(
         name=name,
         title=name.capitalize() if title is None else check_text("robot.title", title),
@@ -114,6 +116,7 @@ def robot_from_mapping(data: Any, file: Path, source: str | None = None) -> Robo
         foothold_regions=_regions(values["foothold_regions"]),
         max_foot_speed=check_vector("robot.max_foot_speed", values["max_foot_speed"], 2, 0.01, FASTEST),
         max_reference=_max_reference(values["max_reference"]),
+        tipping_margin=check_range("robot.tipping_margin", tipping, 0.0, 0.1),
         swing_moments=_swing_moments({"foot": 0.0, "knee": 0.0, "com": 0.0} if moments is None else moments),
         parameters=_parameters({} if values["gait"] is None else values["gait"]),
         body=None if values["body"] is None else _body(values["body"], file.parent),

@@ -6,6 +6,7 @@ each tick, and the model follows it by the rules of the stabiliser.
 """
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -552,7 +553,8 @@ class Simulation:
             return snapshot
         on_ground, plant = [foot.side for foot in snapshot.stance.feet], snapshot.plant
         if plant is not None:
-            command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance)
+            margin = self.robot.tipping_margin
+            command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance, margin=margin)
             has_already = self.robot.mass * plant.caught_up / self.parameters.control_period
             dynamics = driver.drive(self._body_target(), on_ground, has_already, forces, command)
             driver.signs = self._signs_of_fall(driver, snapshot, plant, dynamics)
@@ -572,6 +574,9 @@ class Simulation:
         is_lost = snapshot.plan is not None and not snapshot.plan.is_capturable
         reached = {"step_too_short": snapshot.status is Status.RELAXED, "not_capturable": is_lost}
         now = [name for name, is_reached in reached.items() if is_reached]
+        return self._seen(driver, now, is_lost)
+
+    def _seen(self, driver: BodyDriver, now: Sequence[str], is_lost: bool) -> FallSigns:
         step = self._needed_step() if is_lost and driver.signs.step is None else None
         return driver.signs.seen(now, self._tick, self.parameters.control_period, step)
 
@@ -585,8 +590,7 @@ class Simulation:
             "sole_tilted": any(is_tilted(plant.measured.soles[foot.side]) for foot in snapshot.stance.feet),
         }
         now = [name for name, is_reached in reached.items() if is_reached]
-        step = self._needed_step() if reached["not_capturable"] and driver.signs.step is None else None
-        return driver.signs.seen(now, self._tick, self.parameters.control_period, step)
+        return self._seen(driver, now, reached["not_capturable"])
 
 
 def _promise(plan: Plan) -> tuple[bool, bool, bool]:

@@ -207,7 +207,7 @@ class Touchdowns:
 
     @cached_property
     def _margins(self) -> list[NDArray[np.float64]]:
-        """Of each branch, shapes (K, A, D)."""
+        """Margins of each branch, shapes (K, A, D)."""
         return [self._comparison.margins(branch, self._tick, self._problem_of) for branch in self._branches]
 
     @property

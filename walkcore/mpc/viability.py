@@ -58,7 +58,7 @@ class Allowance:
     """How far the coming steps may go to catch the robot."""
 
     margin: float
-    """That the CoP keeps from the edges of the soles [m]."""
+    """Distance of the CoP from the edges of the soles [m]."""
     part: float = 1.0
     """Fraction of the foothold region, around its middle, that all footholds after the next one may use."""
 

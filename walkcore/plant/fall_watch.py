@@ -105,7 +105,7 @@ class FallSigns:
     signs: tuple[Sign, ...] = ()
     push: LastPush | None = None
     step: NeededStep | None = None
-    """Of the moment when the DCM left the capturable set; None before, or where it was within reach."""
+    """Step needed when the DCM left the capturable set; None before, or where it was within reach."""
 
     def pushed(self, push: LastPush, goes_on: bool) -> "FallSigns":
         """The signs after a push; those before it no longer count.

@@ -34,7 +34,6 @@ from walkcore.values import Matrix, Vector, freeze, frozen_copy, rotation
 COP_GAIN = 3.0  # k_p: a CoP beyond the DCM error by this brings it back in 1 / (omega (k_p - 1)), 0.15 s
 MODEL_GAIN = 4.0  # k_c [1/s]
 SATURATED_GAIN = 10.0  # k_s [1/s]: at 20 and more the joints cannot follow the model any longer
-COP_MARGIN = 0.015  # [m] that the commanded CoP keeps from the edges of the soles: nearer, they tip over them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,15 +112,16 @@ def catch_up(cop: Vector, error: Vector, stance: Stance, omega: float, period: f
     return omega * period * (MODEL_GAIN + SATURATED_GAIN * lacking) * error
 
 
-def commanded_cop(cop: Vector, error: Vector, stance: Stance) -> Vector:
+def commanded_cop(cop: Vector, error: Vector, stance: Stance, margin: float) -> Vector:
     """The CoP to be commanded, world frame [m], shape (2,).
 
     Args:
         cop: of the motion of the body, if it were exact [m], shape (2,).
         error: of the DCM [m], shape (2,).
         stance: the soles that stand.
+        margin: that it keeps from their edges [m]: nearer, they tip over them.
     """
-    return nearest_point(_shrunk(stance.polygon, COP_MARGIN), cop + COP_GAIN * error)
+    return nearest_point(_shrunk(stance.polygon, margin), cop + COP_GAIN * error)
 
 
 def is_clipped(cop: Vector, error: Vector, commanded: Vector) -> bool:

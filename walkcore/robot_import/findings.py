@@ -1,6 +1,6 @@
 # pyright: basic, reportMissingImports=false
 # (Pinocchio ships no types)
-"""What is wrong or unusual in a URDF, each in one line that says what to do."""
+"""Faults and oddities of a URDF, each in one line that says what to do."""
 
 from collections.abc import Iterator
 from xml.etree import ElementTree

@@ -26,6 +26,8 @@ INNER, OUTER, AHEAD, CORNER = 0.95, 0.46, 0.36, 0.22
 """Foothold region before a study: least y per stance width; y, x and x of its outer corners per CoM height."""
 MARGIN = 0.25  # of the width of a sole
 MOST_MARGIN = 0.03  # [m]
+TIPPING = 0.3  # of that margin: what the CoP keeps in physics
+MOST_TIPPING_MARGIN = 0.015  # [m]
 DIGITS = 4
 
 
@@ -160,6 +162,7 @@ def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, An
             for key, limits in talos.max_reference.items()
         },
         "max_push": round(talos.max_push * speed * robot.mass / talos.mass, 1),
+        "tipping_margin": round(min(MOST_TIPPING_MARGIN, TIPPING * margin), 3),
         "gait": {
             "step_duration": duration,
             "initial_double_support_duration": duration,
