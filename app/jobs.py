@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -109,13 +110,23 @@ class JobProcess:
         try:
             return self.connection.recv()
         except (EOFError, OSError):
-            self._process.join(EXIT_TIMEOUT)
-            return JobOutcome(error=ProcessDiedError(f"its process ended with exit code {self._process.exitcode}"))
+            return JobOutcome(error=ProcessDiedError(f"its process ended with exit code {self._wait_for_exit()}"))
 
     def kill(self) -> None:
         """End the process at once, and whatever it was doing."""
         self._process.kill()
-        self._process.join(EXIT_TIMEOUT)
+        self._wait_for_exit()
+
+    def _wait_for_exit(self) -> int | None:
+        """The exit code, waited for; None if the process does not end.
+
+        Of two threads that wait for a process at the same time, the operating system tells one how it ended and the
+        other that there is no such process. The other asks again, until the first has noted the exit code.
+        """
+        deadline = time.monotonic() + EXIT_TIMEOUT
+        while (exit_code := self._process.exitcode) is None and (left := deadline - time.monotonic()) > 0:
+            self._process.join(left)
+        return exit_code
 
 
 class JobPool:

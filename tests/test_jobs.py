@@ -97,10 +97,11 @@ def test_a_process_that_ends_fails_its_job():
         process.run(process_id).result()
 
 
-def test_a_job_can_be_killed_while_it_runs():
+def test_a_job_can_be_killed_while_it_runs_by_several_threads_at_once():
     process = JobProcess()
     started = threading.Event()
-    threading.Thread(target=lambda: started.wait(PATIENCE) and process.kill()).start()
+    for _ in range(4):
+        threading.Thread(target=lambda: started.wait(PATIENCE) and process.kill()).start()
     error = process.run(report_process_and_sleep, lambda _: started.set()).exception()
     assert isinstance(error, ProcessDiedError) and "-9" in str(error)
 
