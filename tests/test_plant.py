@@ -114,7 +114,7 @@ def test_a_push_acts_on_the_link_that_is_named():
     walk(at_arm, 40, {30: Push([0.0, 9.0], link="arm_left_7_joint")})
     left_arm = at_arm.body.joint_names.index("arm_left_2_joint") + 7
     moved = [
-        abs(s.step(AHEAD).q[left_arm] - Simulation(TALOS, PHYSICS)._driver.q[left_arm]) for s in (at_torso, at_arm)
+        abs(s.step(AHEAD).q[left_arm] - Simulation(TALOS, PHYSICS).state.driver.q[left_arm]) for s in (at_torso, at_arm)
     ]
     assert moved[1] > 2 * moved[0]
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from walkcore.mpc.regions import nearest_within
 from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.plant.stabilizer import (
     COP_GAIN,
@@ -12,7 +13,6 @@ from walkcore.plant.stabilizer import (
     SATURATED_GAIN,
     catch_up,
     commanded_cop,
-    nearest_point,
     share_inside,
 )
 
@@ -28,10 +28,10 @@ lengths = st.floats(0.0, 0.3)
 def test_the_share_of_a_way_ends_inside_and_more_of_it_outside(direction, length):
     share = share_inside(STANCE.polygon, MIDDLE, length * direction)
     end = MIDDLE + share * length * direction
-    assert nearest_point(STANCE.polygon, end) == pytest.approx(end, abs=1e-9)
+    assert nearest_within(STANCE.polygon, end) == pytest.approx(end, abs=1e-9)
     if share < 1.0:
         beyond = end + 1e-3 * direction
-        assert np.hypot(*(nearest_point(STANCE.polygon, beyond) - beyond)) > 1e-6
+        assert np.hypot(*(nearest_within(STANCE.polygon, beyond) - beyond)) > 1e-6
 
 
 def test_no_share_of_a_way_that_starts_outside_is_inside():
@@ -53,5 +53,5 @@ def test_the_model_follows_an_error_that_the_soles_take_back_slowly_and_the_rest
 @given(directions, lengths)
 def test_the_commanded_cop_lies_in_the_stance_beyond_the_error(direction, length):
     commanded = commanded_cop(MIDDLE, length * direction, STANCE, 0.015)
-    assert nearest_point(STANCE.polygon, commanded) == pytest.approx(commanded, abs=1e-9)
+    assert nearest_within(STANCE.polygon, commanded) == pytest.approx(commanded, abs=1e-9)
     assert (commanded - MIDDLE) @ direction >= min(COP_GAIN * length, 0.0449) - 1e-9

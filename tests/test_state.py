@@ -136,7 +136,7 @@ def walking():
 )
 def test_a_wrong_state_is_refused_with_its_field(walking, path, value, field):
     scenario = {"robot": "talos", "duration": 1.0, "parameters": {"control_period": 0.05}}
-    assert scenario_from_mapping(scenario | {"initial_state": walking}).initial_state.gait.start is not None
+    assert scenario_from_mapping(scenario | {"initial_state": walking}).initial_state.model.gait.start is not None
     with pytest.raises(InvalidValueError) as refused:
         scenario_from_mapping(scenario | {"initial_state": altered(walking, path, value)})
     assert refused.value.field == f"initial_state.{field}"

@@ -131,7 +131,7 @@ def test_a_state_that_cannot_go_on_leaves_the_robot_at_rest(caplog):
     control = Control(ROBOTS["talos"], LIVE, lambda _: None)
     control.pause()
     state = control.step(20)
-    for broken in (None, replace(state.next_state, driver=None), replace(state.next_state, gait=None)):
+    for broken in (None, replace(state.next_state, driver=None), replace(state.next_state, model=None)):
         other = resumed(replace(state, next_state=broken))
         assert (other.latest.snapshot.tick, other.latest.snapshot.phase, other.latest.running) == (0, 0, False)
     assert "stands at rest" in caplog.text

@@ -47,6 +47,10 @@ class OutOfTimeError(WalkError):
     """The time that the caller allows for a tick is over; no plan is found in it."""
 
 
+class FallError(WalkError):
+    """Nothing keeps the robot on its feet; the message says why."""
+
+
 class InverseKinematicsError(WalkError):
     """The body cannot reach the requested CoM and feet."""
 

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from walkcore.errors import InvalidValueError
+from walkcore.model import ModelState
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import Flight, FootState
 from walkcore.mpc.gait import Gait, Retiming, Timing
@@ -36,19 +37,10 @@ MAX_SAMPLES = 64  # of a step
 class SimulationState:
     """The state between two ticks, which with the robot, the parameters and the commands decides all that follows."""
 
-    tick: int
-    """The coming tick."""
-    gait: Gait
-    flight: Flight | None
-    """Height of the foot in the air, where its touchdown was moved."""
-    left_foot: FootState
-    right_foot: FootState
-    com: CoMState
+    model: ModelState
     pushes: tuple[PushUnderWay, ...]
     why_fallen: str
     """Empty while the robot is on its feet."""
-    com_offset: Offset
-    """Offset of the body's CoM from the model's."""
     driver: DriverState | None
     """State of the driven body; None for a robot without a body."""
     twin: "SimulationState | None" = None
@@ -56,24 +48,25 @@ class SimulationState:
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values, from which `state_from_mapping` makes the same state to the last bit."""
+        model, gait = self.model, self.model.gait
         return {
-            "tick": self.tick,
+            "tick": model.tick,
             "gait": {
-                "first_support": self.gait.first_support.name.lower(),
-                "start": None if self.gait.start is None else int(self.gait.start),
-                "nb_steps": None if self.gait.nb_steps is None else int(self.gait.nb_steps),
-                "step_duration": self.gait.timing.step_duration,
-                "retiming": None if self.gait.retiming is None else asdict(self.gait.retiming),
+                "first_support": gait.first_support.name.lower(),
+                "start": None if gait.start is None else int(gait.start),
+                "nb_steps": None if gait.nb_steps is None else int(gait.nb_steps),
+                "step_duration": gait.timing.step_duration,
+                "retiming": None if gait.retiming is None else asdict(gait.retiming),
             },
-            "flight": None if self.flight is None else asdict(self.flight),
-            "com": _plain(self.com, COM),
-            "left_foot": _plain(self.left_foot, FOOT) | {"height": float(self.left_foot.height)},
-            "right_foot": _plain(self.right_foot, FOOT) | {"height": float(self.right_foot.height)},
+            "flight": None if model.flight is None else asdict(model.flight),
+            "com": _plain(model.com, COM),
+            "left_foot": _plain(model.left_foot, FOOT) | {"height": float(model.left_foot.height)},
+            "right_foot": _plain(model.right_foot, FOOT) | {"height": float(model.right_foot.height)},
             "pushes": [push.to_mapping() for push in self.pushes],
             "why_fallen": self.why_fallen,
             "com_offset": {
-                "position": self.com_offset.position.tolist(),
-                "divergent": self.com_offset.dcm.tolist(),
+                "position": model.com_offset.position.tolist(),
+                "divergent": model.com_offset.dcm.tolist(),
             },
             **({"q": None, "q_before": None} if self.driver is None else self.driver.to_mapping()),
             **({} if self.twin is None else {"twin": self.twin.to_mapping()}),
@@ -104,16 +97,19 @@ def state_from_mapping(data: Any, robot: Robot, parameters: Parameters) -> Simul
     tick = check_whole("initial_state.tick", values["tick"], 0, MAX_TICK)
     if not isinstance(values["why_fallen"], str):
         raise InvalidValueError("initial_state.why_fallen", values["why_fallen"], "must be text")
-    return SimulationState(
+    model = ModelState(
         tick=tick,
         gait=_gait(values["gait"], None if values["why_fallen"] else tick, parameters),
         flight=_flight(values["flight"], tick),
         left_foot=_foot("initial_state.left_foot", values["left_foot"]),
         right_foot=_foot("initial_state.right_foot", values["right_foot"]),
         com=CoMState(np.array(list(_vectors("initial_state.com", values["com"], COM).values()))),
+        com_offset=Offset(*_vectors("initial_state.com_offset", values["com_offset"], OFFSET).values()),
+    )
+    return SimulationState(
+        model=model,
         pushes=pushes_from_list("initial_state.pushes", values["pushes"], robot),
         why_fallen=values["why_fallen"],
-        com_offset=Offset(*_vectors("initial_state.com_offset", values["com_offset"], OFFSET).values()),
         driver=driver_state_from_mapping("initial_state", values, robot),
         twin=None if values["twin"] is None else state_from_mapping(values["twin"], robot, parameters),
     )

@@ -27,6 +27,7 @@ import numpy as np
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import FootState
 from walkcore.mpc.lipm import CoMState
+from walkcore.mpc.regions import nearest_within
 from walkcore.mpc.stance import Side, Stance
 from walkcore.plant.plant import Measurement, SolePose
 from walkcore.values import Matrix, Vector, freeze, frozen_copy, rotation
@@ -121,7 +122,7 @@ def commanded_cop(cop: Vector, error: Vector, stance: Stance, margin: float) -> 
         stance: the soles that stand.
         margin: that it keeps from their edges [m]: nearer, they tip over them.
     """
-    return nearest_point(_shrunk(stance.polygon, margin), cop + COP_GAIN * error)
+    return nearest_within(_shrunk(stance.polygon, margin), cop + COP_GAIN * error)
 
 
 def is_clipped(cop: Vector, error: Vector, commanded: Vector) -> bool:
@@ -152,19 +153,3 @@ def share_inside(corners: Matrix, start: Vector, way: Vector) -> float:
         return 0.0
     leaves = outwards > depth
     return float(np.min(depth[leaves] / outwards[leaves], initial=1.0))
-
-
-def nearest_point(corners: Matrix, point: Vector) -> Vector:
-    """The point of a convex polygon that is nearest to a given one, shape (2,).
-
-    Args:
-        corners: of the polygon, counter-clockwise, shape (V, 2).
-        point: shape (2,).
-    """
-    along = np.roll(corners, -1, axis=0) - corners
-    to_point = point - corners
-    if np.all(along[:, 0] * to_point[:, 1] >= along[:, 1] * to_point[:, 0]):
-        return point
-    share = np.clip(np.sum(to_point * along, axis=1) / np.sum(along * along, axis=1), 0.0, 1.0)
-    on_edges = corners + share[:, None] * along
-    return on_edges[np.argmin(np.sum((on_edges - point) ** 2, axis=1))]
