@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 CORE = """
     errors values plain_yaml stages cache
     command
-    mpc.lipm mpc.stance mpc.gait mpc.orientation mpc.regions mpc.capture
+    mpc.lipm mpc.stance mpc.horizon mpc.gait mpc.orientation mpc.regions mpc.capture
     mpc.preview mpc.objective mpc.schemes mpc.qp
     parameters robot robot_file
     mpc.viability

@@ -7,7 +7,7 @@ import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.errors import NoSolutionFoundError
-from walkcore.mpc.gait import StanceSequence
+from walkcore.mpc.horizon import StanceSequence
 from walkcore.mpc.lipm import CoMState, Pendulum, preview_matrices
 from walkcore.mpc.plan import Status
 from walkcore.mpc.preview import Preview, QPInputs

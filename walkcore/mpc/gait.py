@@ -1,23 +1,16 @@
-"""The gait: which stance carries the robot at each sample of the horizon.
+"""The gait: when steps begin and end, in ticks, and which foot carries them.
 
-    Zref = Uc f_support + U f      (20)-(21)
-
-Uc and U of (22) only say which sample falls into which step. Samples lie on the
-gait's own grid, T apart; a step begins at its foot's touchdown with a double
-support of one period, then the other foot swings. A sample at the touchdown itself
-still belongs to the step that ends, whose constraint is the stricter one (section 4).
+Samples lie on the gait's own grid, T apart; a step begins at its foot's touchdown with a double support of one period,
+then the other foot swings. Adaptive step timing may end a step at another tick; samples then lie on its touchdown.
 """
 
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import cached_property, lru_cache
+from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from walkcore.mpc.horizon import Horizon, stances_of_walk
 from walkcore.mpc.stance import Side
-from walkcore.values import Matrix
 
 
 class Phase(IntEnum):
@@ -62,108 +55,6 @@ class Timing:
     def samples_before_first_step(self) -> int:
         """Samples of the initial double support."""
         return round(self.initial_double_support_duration / self.sampling_period)
-
-
-@dataclass(frozen=True, slots=True)
-class SampleStance:
-    """The stance of one sample, see `StanceSequence`."""
-
-    foot: int
-    is_double_support: bool
-    samples_to_touchdown: int
-
-
-@dataclass(frozen=True, eq=False)  # no slots: what is derived is computed once
-class StanceSequence:
-    """The stance of each sample of a horizon: Uc and U of (22), and the samples that stand on both feet."""
-
-    foot_of_sample: NDArray[np.int64]
-    """Foot that carries each sample, shape (N,): 0 the present support foot, k the k-th foothold to come."""
-    is_double_support: NDArray[np.bool_]
-    """Whether the other foot stands beside that one and carries the sample too, shape (N,)."""
-    is_stopping: bool
-    """Whether a last step is planned that brings the feet side by side."""
-    samples_to_touchdown: NDArray[np.int64]
-    """Number of samples until the touchdown that ends the step of each sample, shape (N,)."""
-
-    def __post_init__(self) -> None:
-        for array in (self.foot_of_sample, self.is_double_support, self.samples_to_touchdown):
-            array.flags.writeable = False
-
-    @cached_property
-    def nb_footholds(self) -> int:
-        """m, footholds to come that the QP may choose: all on which a sample stands, but for the last one of a stop."""
-        return int(self.foot_of_sample[-1])
-
-    @cached_property
-    def has_double_support(self) -> bool:
-        """Whether the feet stand side by side at some sample, the first or the last one included."""
-        return bool(self.is_double_support[0] or self.is_double_support[-1])
-
-    @cached_property
-    def stance_of_sample(self) -> NDArray[np.int64]:
-        """Number of the stance of each sample, shape (N,): a foot as in `foot_of_sample`, or m + 1 for both feet."""
-        return np.where(self.is_double_support, self.nb_footholds + 1, self.foot_of_sample)
-
-    @cached_property
-    def nb_stances(self) -> int:
-        """The support foot, the m footholds, and both feet where they carry a sample."""
-        return 1 + self.nb_footholds + self.has_double_support
-
-    @cached_property
-    def samples_on_support(self) -> int:
-        """Samples that the present support foot carries alone."""
-        return int(np.count_nonzero((self.foot_of_sample == 0) & ~self.is_double_support))
-
-    @cached_property
-    def first(self) -> "SampleStance":
-        """Stance of the first sample."""
-        return self._sample(0)
-
-    @cached_property
-    def last(self) -> "SampleStance":
-        """Stance of the last sample."""
-        return self._sample(-1)
-
-    @cached_property
-    def sample_on_foothold(self) -> int | None:
-        """Index of the first sample on the next foothold; None if none stands on it, or the walk stops."""
-        found = np.flatnonzero(self.foot_of_sample == 1)
-        return None if self.is_stopping or not len(found) else int(found[0])
-
-    @cached_property
-    def first_on_foothold(self) -> "SampleStance | None":
-        """Stance of that sample."""
-        return None if self.sample_on_foothold is None else self._sample(self.sample_on_foothold)
-
-    def _sample(self, n: int) -> "SampleStance":
-        double_support = bool(self.is_double_support[n])
-        return SampleStance(int(self.foot_of_sample[n]), double_support, int(self.samples_to_touchdown[n]))
-
-    @cached_property
-    def Uc(self) -> Matrix:
-        """Selection of the support foot (22), shape (N, 1)."""
-        return (self.foot_of_sample == 0).astype(float)[:, None]
-
-    @cached_property
-    def U(self) -> Matrix:
-        """Selection of the m footholds (22), shape (N, m)."""
-        return (self.foot_of_sample[:, None] == np.arange(1, self.nb_footholds + 1)).astype(float)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Horizon:
-    """The samples to come, as seen from one tick."""
-
-    ticks_to_sample: int
-    """Number of ticks until the first sample; the others follow T apart."""
-    time_to_touchdown: float
-    """Time until the next touchdown [s]; NaN if none is planned."""
-    time_in_air: float
-    """Time that the foot which lands then has left in the air, or will have [s]; NaN if none is planned."""
-    stances: StanceSequence
-    step_duration: float | None = None
-    """Duration of the steps after the one under way [s], where step timing chose it; None as the parameters say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +179,7 @@ class Gait:
         """The stances of the N samples that follow `tick`."""
         timing, per_sample = self.timing, self.timing.ticks_per_sample
         if self.start is None:  # a stand that lasts: that of a walk which begins with the last sample, or later
-            stances = _stances(
+            stances = stances_of_walk(
                 timing.nb_samples, timing.samples_per_step, timing.samples_per_step, -timing.nb_samples, None
             )
             return Horizon(per_sample - tick % per_sample, math.nan, math.nan, stances)
@@ -296,7 +187,7 @@ class Gait:
         steps_left = None if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
         samples_of_step = -(-(end - begin) // per_sample)
         present = samples_of_step - -(-(end - tick) // per_sample)
-        stances = _stances(timing.nb_samples, samples_of_step, self.samples_per_step, present, steps_left)
+        stances = stances_of_walk(timing.nb_samples, samples_of_step, self.samples_per_step, present, steps_left)
         return Horizon(
             ticks_to_sample=(end - tick - 1) % per_sample + 1,
             time_to_touchdown=(end - tick) * timing.control_period,
@@ -366,28 +257,3 @@ class Gait:
             return (walk_on,)
         stop = self if self.nb_steps is not None else replace(self, nb_steps=step + 2)
         return (stop, walk_on)
-
-
-@lru_cache(maxsize=1024)  # a walk on schedule has eight of them, a start and a stop as many each
-def _stances(
-    nb_samples: int, samples_of_step: int, samples_per_step: int, present: int, steps_left: int | None
-) -> StanceSequence:
-    """The stances of a walk's horizon.
-
-    Args:
-        nb_samples: N.
-        samples_of_step: samples of the step under way, or the first one to come.
-        samples_per_step: samples of each step after it.
-        present: sample of the present, counted from the beginning of the step; negative before the first one.
-        steps_left: until the feet are side by side again, the one under way included; None to walk on.
-    """
-    samples = np.arange(present + 1, present + nb_samples + 1)
-    beyond = samples - samples_of_step  # counted from the touchdown
-    step = np.maximum((beyond - 1) // samples_per_step + 1, 0)
-    last_step = step[-1] if steps_left is None else steps_left - 1
-    return StanceSequence(
-        foot_of_sample=np.minimum(step, last_step),
-        is_double_support=(samples <= 0) | (step > last_step),
-        is_stopping=bool(step[-1] > last_step),
-        samples_to_touchdown=np.where(beyond <= 0, -beyond, -beyond % samples_per_step),
-    )

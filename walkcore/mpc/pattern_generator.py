@@ -8,7 +8,7 @@ import numpy as np
 from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
-from walkcore.mpc.gait import SampleStance, StanceSequence
+from walkcore.mpc.horizon import SampleStance, StanceSequence
 from walkcore.mpc.lipm import Pendulum, PreviewMatrices, preview_matrices
 from walkcore.mpc.plan import Bounds, Plan, Status
 from walkcore.mpc.preview import PLANNED, Preview, QPInputs

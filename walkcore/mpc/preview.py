@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from walkcore.mpc.gait import StanceSequence
+from walkcore.mpc.horizon import StanceSequence
 from walkcore.mpc.lipm import CoMState, PreviewMatrices
 from walkcore.values import Matrix, Vector
 

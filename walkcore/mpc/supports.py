@@ -10,7 +10,7 @@ import numpy as np
 from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.mpc.capture import StepTiming, strides, viable_polygons, viable_vertices
-from walkcore.mpc.gait import Horizon, SampleStance, StanceSequence
+from walkcore.mpc.horizon import Horizon, SampleStance, StanceSequence
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.orientation import Turn, foothold_yaws
 from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon
