@@ -111,6 +111,18 @@ def test_the_same_seed_gives_the_same_polygons_with_one_worker_and_with_two(foun
     assert np.array_equal(alone.placements, found.placements) and alone.outcomes == found.outcomes
 
 
+def test_short_steps_are_tried_between_placements_that_the_foot_can_reach_in_their_swing(found):
+    talos = load_robot("talos")
+    short = StepFeasibility(talos, step_duration=found.shortest_step_duration)
+    reach = talos.max_foot_speed[0] * 0.3
+    here, there, beyond = (np.array([x, 0.2, 0.0]) for x in (-0.2, reach - 0.21, reach - 0.19))
+    assert found.shortest_step_duration == pytest.approx(0.4)
+    assert short.flies_in_time(here, there) and not short.flies_in_time(here, beyond)
+    assert StepFeasibility(talos).flies_in_time(here, beyond)
+    assert 0 < len(found.short_steps) < len(found.steps)
+    assert found.short_steps.count(Feasibility.SAFE) >= 0.9 * len(found.short_steps)
+
+
 def test_another_seed_tries_other_placements():
     assert np.array_equal(sampled_placements(50, 1), sampled_placements(50, 1))
     assert not np.any(sampled_placements(50, 1) == sampled_placements(50, 2))

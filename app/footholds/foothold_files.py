@@ -38,6 +38,8 @@ def summary(found: FootholdStudy) -> str:
         f"# {found.command}",
         f"# {len(found.outcomes)} placements: {_counts(found.outcomes)}",
         f"# {len(found.steps)} steps between any two new placements inside of the polygons: {_counts(found.steps)}",
+        f"# {len(found.short_steps)} steps of {found.shortest_step_duration:g} s between those of them that the foot"
+        f" can reach: {_counts(found.short_steps)}",
         "foothold_regions:   # m, of the left foot in the right foot's frame, by its yaw against it (rad, toes out)",
     ]
     for region in found.regions:

@@ -21,6 +21,7 @@ from walkcore.footholds.study import (
     sampled_placements,
     sampled_steps,
 )
+from walkcore.mpc.touchdowns import step_durations
 from walkcore.robot import FootholdRegion
 from walkcore.values import Matrix, Vector
 
@@ -48,6 +49,10 @@ class FootholdStudy:
     """Safe regions, one for each band of yaw."""
     steps: Sequence[Feasibility]
     """Outcomes of steps between different placements of the regions."""
+    short_steps: Sequence[Feasibility]
+    """Outcomes of the shortest steps that adaptive step timing takes, between those of them that the foot can reach."""
+    shortest_step_duration: float
+    """[s]."""
 
     @property
     def command(self) -> str:
@@ -95,7 +100,12 @@ def study(
             regions = safe_regions(placements, outcomes, robot.stance_width)
         pairs = sampled_steps(regions, round(nb_samples * SHARE_OF_STEPS), seed)
         steps = _outcomes(pool, try_pair, pairs, "steps")
-    return FootholdStudy(robot, height, nb_samples, seed, placements, outcomes, regions, steps)
+        shortest = step_durations(robot.parameters)[-1]
+        short = StepFeasibility(robot, height, shortest)
+        reachable = [short.flies_in_time(placement_before(first), second) for first, second in pairs]
+        try_short = partial(_try_pair, robot.source, height, step_duration=shortest)
+        short_steps = _outcomes(pool, try_short, pairs[reachable], "short steps")
+    return FootholdStudy(robot, height, nb_samples, seed, placements, outcomes, regions, steps, short_steps, shortest)
 
 
 def _outcomes(pool: JobPool, try_step: "partial[Feasibility]", steps: Matrix, label: str) -> list[Feasibility]:
@@ -121,14 +131,14 @@ def _try_all(try_step: "partial[Feasibility]", steps: Matrix, _: Report) -> list
 
 
 @cache
-def _feasibility(robot: str, com_height: float) -> StepFeasibility:
+def _feasibility(robot: str, com_height: float, step_duration: float | None = None) -> StepFeasibility:
     """The trials of a robot, made once in each process."""
-    return StepFeasibility(load_robot(robot), com_height)
+    return StepFeasibility(load_robot(robot), com_height, step_duration)
 
 
 def _try_placement(robot: str, com_height: float, placement: Vector) -> Feasibility:
     return _feasibility(robot, com_height).placement(placement)
 
 
-def _try_pair(robot: str, com_height: float, pair: Matrix) -> Feasibility:
-    return _feasibility(robot, com_height).step(placement_before(pair[0]), pair[1])
+def _try_pair(robot: str, com_height: float, pair: Matrix, step_duration: float | None = None) -> Feasibility:
+    return _feasibility(robot, com_height, step_duration).step(placement_before(pair[0]), pair[1])

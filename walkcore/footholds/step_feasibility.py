@@ -74,12 +74,13 @@ def placement_before(placement: Vector) -> Vector:
 class StepFeasibility:
     """Simulates steps of one body at one CoM height. Holds scratch memory only: no step knows of another."""
 
-    def __init__(self, robot: Robot, com_height: float | None = None) -> None:
+    def __init__(self, robot: Robot, com_height: float | None = None, step_duration: float | None = None) -> None:
         """Load the body and its collision meshes.
 
         Args:
             robot: with a body.
             com_height: [m]; None takes the robot's own.
+            step_duration: time from one touchdown to the next [s]; None takes the robot's own.
 
         Raises:
             InvalidValueError: if the robot has no body.
@@ -87,7 +88,9 @@ class StepFeasibility:
         """
         if robot.body is None:
             raise InvalidValueError("robot", robot.name, "has no body that could be checked")
-        self._robot, self._parameters = robot, replace(robot.parameters, control_period=INSTANT)
+        p = robot.parameters
+        duration = p.step_duration if step_duration is None else step_duration
+        self._robot, self._parameters = robot, replace(p, control_period=INSTANT, step_duration=duration)
         self._gait = Gait(self._parameters.timing, Side.RIGHT, start=0)
         self.com_height = robot.com_height if com_height is None else com_height
         self._body = WholeBody(robot.body)
@@ -106,6 +109,17 @@ class StepFeasibility:
             placement: x, y [m], yaw [rad] of the left foot in the right foot's frame, shape (3,).
         """
         return self.step(placement_before(placement), placement)
+
+    def flies_in_time(self, before: Vector, after: Vector) -> bool:
+        """Whether the speed bound (30) lets the foot of a step get from one placement to the other.
+
+        Args:
+            before: as of `step`.
+            after: as of `step`.
+        """
+        p, robot = self._parameters, self._robot
+        reach = np.array([*robot.max_foot_speed, robot.max_foot_yaw_rate]) * (p.step_duration - p.sampling_period)
+        return bool(np.all(np.abs(after - before) <= reach))
 
     def step(self, before: Vector, after: Vector) -> Feasibility:
         """Feasibility of a step of the left foot.
