@@ -18,7 +18,7 @@ CORE = """
     mpc.preview mpc.objective mpc.schemes mpc.qp
     parameters robot robot_file
     mpc.viability
-    mpc.supports mpc.constraints mpc.walking_qp
+    mpc.supports mpc.constraints mpc.walking_qp mpc.balance_sets
     mpc.plan mpc.pattern_generator mpc.touchdowns mpc.step_timing
     motion.swing_foot motion.dynamic_filter motion.body_model motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study

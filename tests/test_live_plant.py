@@ -1,7 +1,6 @@
 """The live walk with contact physics: the choice of the plant, changes of plant, twin and world, and what is kept."""
 
 import sys
-from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,12 +9,12 @@ from conftest import Clock, serving
 from app.http.schemas import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
+from app.live.parameter_changes import sets_in_parts
 from app.live.plant_choice import suitable_plant
 from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, load_robot, record
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
-from walkcore.mpc.supports import CaptureSets, capture_sets
 from walkcore.plant.world import PERFECT
 
 pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
@@ -94,14 +93,14 @@ def test_no_tick_waits_for_a_twin_to_be_built(control, monkeypatch):
         raise AssertionError("computed between two ticks")
 
     parameters = control.parameters.changed({"twin": True, "cop_margin": 0.025})
-    sets = capture_sets(TALOS, parameters)
+    parts = sets_in_parts(TALOS, parameters)
     control.step(10)
     monkeypatch.setattr("walkcore.simulation.WholeBody", refuse)
-    monkeypatch.setattr("walkcore.mpc.supports.capture_sets", refuse)
-    for field in fields(CaptureSets):
-        control.prepare(1, field.name, getattr(sets, field.name))
+    monkeypatch.setattr("walkcore.mpc.pattern_generator.balance_sets", refuse)
+    for part in parts:
+        control.prepare(1, part)
     for values in ({"twin": True, "cop_margin": 0.025}, {"twin": False}, {"twin": True}):
-        control.change(values, 1)
+        control.change(values, 1, len(parts))
         state = control.step(5)
         assert (state.snapshot.twin is not None) is values["twin"]
         assert state.twin_difference == ("both are up, 0 cm from each other" if values["twin"] else "")

@@ -13,13 +13,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.live.control import Control
-from app.live.parameter_changes import MAX_WAITING
+from app.live.parameter_changes import MAX_WAITING, sets_in_parts
 from app.live.runner import NoResponseError, Runner
 from walkcore import Parameters, WalkError, load_robot
 from walkcore.errors import InvalidValueError
-from walkcore.mpc import supports
+from walkcore.mpc import pattern_generator, supports
 from walkcore.mpc.schemes import SCHEMES
-from walkcore.mpc.supports import CaptureSets, capture_sets
 from walkcore.parameters import LIMITS
 
 HRP2 = load_robot("hrp2")
@@ -131,20 +130,22 @@ def test_a_change_that_nobody_waits_for_any_more_is_not_made(runner):
     assert runner.change({"beta": 1.0}).result(PATIENCE).gamma == runner.defaults.gamma
 
 
-def test_the_control_loop_computes_nothing_of_a_prepared_change(monkeypatch):
-    control = Control(HRP2, Parameters(), lambda _: None)
+@pytest.mark.parametrize("step_timing", ["fixed", "adaptive"])
+def test_the_control_loop_computes_nothing_of_a_prepared_change(step_timing, monkeypatch):
+    control = Control(HRP2, Parameters(step_timing=step_timing), lambda _: None)
     parameters = control.parameters.changed({"step_duration": 1.0, "cop_margin": 0.02})
-    sets = capture_sets(HRP2, parameters)
+    parts = sets_in_parts(HRP2, parameters)
 
     def fail(*_: object) -> None:
         raise AssertionError("computed in the control loop")
 
+    monkeypatch.setattr(pattern_generator, "balance_sets", fail)
     monkeypatch.setattr(supports, "capture_sets", fail)
-    for field in fields(CaptureSets):
-        control.prepare(1, field.name, getattr(sets, field.name))
-    assert control.change(parameters.to_mapping(), 1) == parameters
+    for part in parts:
+        control.prepare(1, part)
+    assert control.change(parameters.to_mapping(), 1, len(parts)) == parameters
     with pytest.raises(AssertionError):  # what was prepared for another change is not taken
-        control.change({"step_duration": 0.8}, 2)
+        control.change({"step_duration": 0.8}, 2, len(parts))
 
 
 def test_a_prepared_change_walks_as_one_that_was_not():
@@ -152,10 +153,10 @@ def test_a_prepared_change_walks_as_one_that_was_not():
     walks = []
     for token in (0, 1):
         control = Control(HRP2, Parameters(), lambda _: None)
-        sets = capture_sets(HRP2, parameters)
-        for field in fields(CaptureSets):
-            control.prepare(1, field.name, getattr(sets, field.name))
-        control.change({"step_duration": 1.0}, token)
+        parts = sets_in_parts(HRP2, parameters)
+        for part in parts:
+            control.prepare(1, part)
+        control.change({"step_duration": 1.0}, token, len(parts))
         control.pause()
         walks.append(control.step(50).snapshot.com.matrix.tobytes())
     assert walks[0] == walks[1]

@@ -9,16 +9,16 @@ import math
 from walkcore.command import Reference
 from walkcore.errors import FallError, NoSolutionFoundError, OutOfTimeError
 from walkcore.model import ModelState
+from walkcore.mpc.balance_sets import BalanceSets
 from walkcore.mpc.gait import Gait
 from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
 from walkcore.mpc.regions import polygon
-from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Side
 from walkcore.mpc.step_timing import AdaptiveTiming
-from walkcore.mpc.supports import CaptureSets, WalkingProblem
+from walkcore.mpc.supports import WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import Stages, TimeLeft, unlimited
@@ -27,26 +27,23 @@ from walkcore.stages import Stages, TimeLeft, unlimited
 class Planner:
     """Decides the gait and the plan of each tick. Holds no state of the walk."""
 
-    def __init__(
-        self, robot: Robot, parameters: Parameters, stages: Stages, capture_sets: CaptureSets | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, stages: Stages, sets: BalanceSets | None = None) -> None:
         """Compute what stays the same from tick to tick.
 
         Args:
             robot: to plan for.
             parameters: of the plans.
             stages: get a lap for each part of a decision.
-            capture_sets: for them, where somebody has computed them beforehand: they take the longest.
+            sets: of `balance_sets` for them, where somebody has computed them beforehand: they take the longest.
 
         Raises:
             EmptyRegionError: if the CoP margin leaves nothing of a sole.
         """
         self._robot, self._parameters, self._stages = robot, parameters, stages
-        self._generator = PatternGenerator(robot, parameters, stages, capture_sets)
-        is_adaptive = (
-            parameters.step_timing == "adaptive" and parameters.formulation.footholds is Footholds.FREE
-        )  # a scheme whose QP does not choose the footholds has no use for another touchdown
-        self._step_timing = AdaptiveTiming(robot, parameters, self._generator, stages) if is_adaptive else None
+        generator = self._generator = PatternGenerator(robot, parameters, stages, sets)
+        compared = generator.sets.compared
+        is_fixed = compared is None
+        self._step_timing = None if is_fixed else AdaptiveTiming(robot, parameters, generator, compared, stages)
 
     @property
     def pendulum(self) -> Pendulum:

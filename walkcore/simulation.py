@@ -13,9 +13,9 @@ from walkcore.coupling import DrivenBody
 from walkcore.errors import FallError, InvalidValueError, InverseKinematicsError
 from walkcore.model import ModelMotion, ModelState, model_at_rest
 from walkcore.motion.whole_body import WholeBody
+from walkcore.mpc.balance_sets import BalanceSets
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
-from walkcore.mpc.supports import CaptureSets
 from walkcore.parameters import Parameters
 from walkcore.planner import Planner
 from walkcore.plant.plant import ExternalForce
@@ -63,7 +63,7 @@ class Simulation:
         self.reset()
         self._switch_twin()
 
-    def _use(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
+    def _use(self, parameters: Parameters, sets: BalanceSets | None = None) -> None:
         """Decide and move by these parameters from now on."""
         self._planner = Planner(self.robot, parameters, self._stages, sets)
         self._motion = ModelMotion(self.robot, parameters, self._planner.pendulum, self._stages)
@@ -91,7 +91,7 @@ class Simulation:
     def _parameters_of_twin(self) -> Parameters:
         return replace(self.parameters, plant="ideal", twin=False)
 
-    def _switch_twin(self, sets: CaptureSets | None = None) -> None:
+    def _switch_twin(self, sets: BalanceSets | None = None) -> None:
         """Let the ideal robot walk beside this one, or no longer; where this one is ideal itself there is none.
 
         Args:
@@ -110,12 +110,12 @@ class Simulation:
             twin.change(self._parameters_of_twin, sets)
         self._twin = twin
 
-    def change(self, parameters: Parameters, sets: CaptureSets | None = None) -> None:
+    def change(self, parameters: Parameters, sets: BalanceSets | None = None) -> None:
         """Walk on with other parameters; a step under way keeps its duration.
 
         Args:
             parameters: all of them.
-            sets: of `capture_sets` for them, where somebody has computed them beforehand: they take the longest.
+            sets: of `balance_sets` for them, where somebody has computed them beforehand: they take the longest.
 
         Raises:
             InvalidValueError: for one that cannot change during a walk.

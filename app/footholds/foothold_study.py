@@ -21,7 +21,7 @@ from walkcore.footholds.study import (
     sampled_placements,
     sampled_steps,
 )
-from walkcore.mpc.touchdowns import step_durations
+from walkcore.mpc.balance_sets import step_durations
 from walkcore.robot import FootholdRegion
 from walkcore.values import Matrix, Vector
 

@@ -6,9 +6,10 @@ There are neither processes nor waiting in it, so that all of it can be tested t
 
 import logging
 import math
+import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,6 @@ from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.analysis.twin import TwinMonitor
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import HalfPlanes
-from walkcore.mpc.stance import Side
-from walkcore.mpc.supports import CaptureSets
 from walkcore.plant.world import PERFECT, World
 from walkcore.stages import CountedTime, Stopwatch, TimeLeft, unlimited
 from walkcore.state import SimulationState
@@ -81,7 +79,7 @@ class Control:
         self._command, self._commanded_at = NO_REFERENCE, 0.0
         self._push: Push | None = None
         self._random_pusher: RandomPusher | None = None
-        self._prepared_for, self._prepared = 0, dict[str, Mapping[Side, tuple[HalfPlanes, ...]]]()
+        self._prepared_for, self._prepared = 0, list[bytes]()
         self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._twin = TwinMonitor()
         self._log = SessionLog(self._simulation)
@@ -186,24 +184,24 @@ class Control:
         present = self.latest.snapshot.tick
         return self.step((present // per_sample + samples) * per_sample - present)
 
-    def prepare(self, token: int, name: str, sets: Mapping[Side, tuple[HalfPlanes, ...]]) -> None:
-        """Keep a part of the `CaptureSets` of a coming change, which would take the time of many ticks.
+    def prepare(self, token: int, part: bytes) -> None:
+        """Keep a part of the `BalanceSets` of a coming change, which would take the time of many ticks.
 
         Args:
             token: number of the change.
-            name: field of `CaptureSets`.
-            sets: its value.
+            part: the next piece of the pickled sets.
         """
         if token != self._prepared_for:
-            self._prepared_for, self._prepared = token, {}
-        self._prepared[name] = sets
+            self._prepared_for, self._prepared = token, []
+        self._prepared.append(part)
 
-    def change(self, values: Mapping[str, Any], token: int = 0) -> Parameters:
+    def change(self, values: Mapping[str, Any], token: int = 0, nb_parts: int = 0) -> Parameters:
         """Walk on with some parameters changed, and return all of them.
 
         Args:
             values: of parameters by name.
             token: of the parts that were prepared for it; 0 where none were.
+            nb_parts: number of them; where one was lost, all is computed here.
 
         Raises:
             WalkError: if that cannot be; nothing has changed then.
@@ -211,8 +209,8 @@ class Control:
         parameters, prepared = self.parameters.changed(values), self._prepared
         if parameters == self.parameters:
             return parameters
-        is_prepared = token == self._prepared_for and len(prepared) == len(fields(CaptureSets))
-        self._simulation.change(parameters, CaptureSets(**prepared) if is_prepared else None)
+        is_prepared = 0 < len(prepared) == nb_parts and token == self._prepared_for
+        self._simulation.change(parameters, pickle.loads(b"".join(prepared)) if is_prepared else None)
         self.parameters = self._simulation.parameters
         self._log.change(self.parameters)
         return self.parameters

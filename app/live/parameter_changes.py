@@ -4,13 +4,14 @@ A change is checked and its slow part, the capturable sets, computed in a thread
 together are made as one, and no more than one in `CHANGE_PERIOD`; what has waited too long is dropped.
 """
 
+import pickle
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
@@ -19,9 +20,11 @@ from app.live.link import EXPIRY
 from app.live.messages import NoResponseError
 from app.live.supervisor import Supervisor
 from walkcore import Parameters, Robot, WalkError
-from walkcore.mpc.supports import CaptureSets, capture_sets, inner_soles
+from walkcore.mpc.balance_sets import balance_sets
+from walkcore.mpc.supports import inner_soles
 
 CHANGE_PERIOD = 0.2  # [s] between two changes, at least
+PART = 16 * 1024  # bytes of the prepared sets in one message
 MAX_WAITING = 64  # changes that wait for the next one
 RESPONSE_TIMEOUT = 30.0  # [s] for the control process to make a change it has taken
 
@@ -152,11 +155,22 @@ class ParameterChanges:
         """
         if parameters == self._supervisor.parameters:
             return
-        sets, token, link = capture_sets(self._robot, parameters), next(self._tokens), self._supervisor.link
-        for field in fields(CaptureSets):  # each is a message; one that is lost is only computed again
-            link.request(Control.prepare, token, field.name, getattr(sets, field.name))
-        request = link.request(Control.change, parameters.to_mapping(), token)
+        parts, token = sets_in_parts(self._robot, parameters), next(self._tokens)
+        link = self._supervisor.link
+        for part in parts:  # each is a message; where one is lost, all is only computed again
+            link.request(Control.prepare, token, part)
+        request = link.request(Control.change, parameters.to_mapping(), token, len(parts))
         with suppress(TimeoutError):
             self._supervisor.parameters = request.result(RESPONSE_TIMEOUT)
             return
         raise NoResponseError("the control process does not make the change")
+
+
+def sets_in_parts(robot: Robot, parameters: Parameters) -> list[bytes]:
+    """The pickled `BalanceSets` of a robot with some parameters, in parts of one message each, for `Control.prepare`.
+
+    Raises:
+        EmptyRegionError: if the CoP margin leaves nothing of a sole.
+    """
+    data = pickle.dumps(balance_sets(robot, parameters), pickle.HIGHEST_PROTOCOL)
+    return [data[start : start + PART] for start in range(0, len(data), PART)]

@@ -8,6 +8,7 @@ import numpy as np
 from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
+from walkcore.mpc.balance_sets import BalanceSets, balance_sets
 from walkcore.mpc.horizon import SampleStance, StanceSequence
 from walkcore.mpc.lipm import Pendulum, PreviewMatrices, preview_matrices
 from walkcore.mpc.plan import Bounds, Plan, Status
@@ -15,8 +16,8 @@ from walkcore.mpc.preview import PLANNED, Preview, QPInputs
 from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
-from walkcore.mpc.supports import CaptureSets, SupportGeometry, Supports, WalkingProblem
-from walkcore.mpc.viability import Allowance, Landings, viable_sets
+from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
+from walkcore.mpc.viability import Landings
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -31,7 +32,7 @@ class PatternGenerator:
     """Decides the plan of a tick. Holds nothing but what depends on robot and parameters alone."""
 
     def __init__(
-        self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED, sets: CaptureSets | None = None
+        self, robot: Robot, parameters: Parameters, stages: Stages = UNTIMED, sets: BalanceSets | None = None
     ) -> None:
         """Compute what does not change from tick to tick.
 
@@ -39,7 +40,7 @@ class PatternGenerator:
             robot: to plan for.
             parameters: of the plans.
             stages: listens to the stages of a plan.
-            sets: of `capture_sets` for robot and parameters, where they are known already.
+            sets: of `balance_sets` for robot and parameters, where somebody has computed them beforehand.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
@@ -47,10 +48,8 @@ class PatternGenerator:
         p = self._parameters = parameters
         self._robot, self._stages = robot, stages
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
-        self._geometry = SupportGeometry(robot, p, sets)
-        self._viable_sets = viable_sets(
-            robot, (Allowance(p.cop_margin),), (p.step_duration,), p.double_support_duration, self.pendulum.omega
-        )
+        self.sets = balance_sets(robot, p) if sets is None else sets
+        self._geometry = SupportGeometry(robot, p, self.sets.capture)
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
@@ -230,7 +229,7 @@ class PatternGenerator:
             in_air=np.array([horizon.time_in_air]),
         )
         yaw, dcm, cop = plan.footholds[0].yaw, plan.dcm[sample], plan.cop[sample]
-        margins = self._viable_sets.margins(problem.support, problem.swing, yaw, dcm, cop, landing)
+        margins = self.sets.viable.margins(problem.support, problem.swing, yaw, dcm, cop, landing)
         return bool(margins[0, 0, 0] > -CAPTURE_TOLERANCE)
 
     def _flies_in_time(self, plan: Plan, problem: WalkingProblem) -> bool:

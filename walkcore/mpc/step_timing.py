@@ -19,8 +19,8 @@ from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.gait import Gait
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan
-from walkcore.mpc.supports import capture_sets
-from walkcore.mpc.touchdowns import CAREFUL, USUAL, UTMOST, ProblemOf, TouchdownComparison, Touchdowns, step_durations
+from walkcore.mpc.touchdowns import CAREFUL, USUAL, UTMOST, ProblemOf, TouchdownComparison, Touchdowns
+from walkcore.mpc.viability import ViableSets
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
@@ -35,20 +35,24 @@ class AdaptiveTiming:
     """Chooses when the step under way ends, and how long those after it take."""
 
     def __init__(
-        self, robot: Robot, parameters: Parameters, generator: PatternGenerator, stages: Stages = UNTIMED
+        self,
+        robot: Robot,
+        parameters: Parameters,
+        generator: PatternGenerator,
+        sets: ViableSets,
+        stages: Stages = UNTIMED,
     ) -> None:
-        """Compute the viable sets of all durations of the coming steps.
+        """Take what stays the same from tick to tick.
 
         Args:
             robot: to plan for.
             parameters: of the plans.
             generator: for that robot and these parameters.
+            sets: by which touchdowns are compared, see `BalanceSets`.
             stages: gets a lap for the comparison of touchdowns ("timing").
         """
         self._usual, self._generator, self._stages = parameters.timing.samples_per_step, generator, stages
-        self._comparison = TouchdownComparison(robot, parameters, generator)
-        for duration in step_durations(parameters):  # else the first push would wait for them
-            capture_sets(robot, parameters, duration)
+        self._comparison = TouchdownComparison(robot, parameters, generator, sets)
 
     def decide(
         self,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import cycle
+from types import MappingProxyType
 
 import numpy as np
 
@@ -164,16 +165,19 @@ def _polygons(
     return {side: polygon(stance.corners) for side, stance in at_origin.items()}, regions, vertices
 
 
+NO_SETS: Mapping[float, CaptureSets] = MappingProxyType({})
+
+
 class SupportGeometry:
     """Polygons of one robot, computed once, and put where the feet are."""
 
-    def __init__(self, robot: Robot, parameters: Parameters, sets: CaptureSets | None = None) -> None:
+    def __init__(self, robot: Robot, parameters: Parameters, sets: Mapping[float, CaptureSets] = NO_SETS) -> None:
         """Compute the polygons.
 
         Args:
             robot: whose feet they are.
             parameters: with margin and timing.
-            sets: of `capture_sets` for them, where they are known already.
+            sets: for the DCM, by the duration of the coming steps [s]; another one's are computed when they are needed.
 
         Raises:
             EmptyRegionError: if the margin leaves nothing of the sole.
@@ -183,13 +187,13 @@ class SupportGeometry:
         _, self._regions, self._region_vertices = _polygons(robot)
         self._soles = inner_soles(robot, p.cop_margin)
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
-        self._sets = capture_sets(robot, p) if sets is None else sets
+        self._sets = sets
         self._supports = instance_cache(self._compute_supports, MAX_SUPPORTS)
 
     def _sets_for(self, step_duration: float) -> CaptureSets:
         """The sets for the DCM, if the coming steps take some time [s]."""
-        p = self._parameters
-        return self._sets if step_duration == p.step_duration else capture_sets(self._robot, p, step_duration)
+        sets = self._sets.get(step_duration)
+        return capture_sets(self._robot, self._parameters, step_duration) if sets is None else sets
 
     def supports(self, problem: WalkingProblem) -> Supports:
         """The polygons around the centres of one tick."""

@@ -14,19 +14,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from walkcore.mpc.balance_sets import SHORTEST_SWING, samples_to_choose_from, shortest_step
 from walkcore.mpc.gait import Gait, Phase
-from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.stance import Side, sole_vertices
-from walkcore.mpc.supports import TIGHTENING, WalkingProblem
-from walkcore.mpc.viability import Allowance, Landings, ViableSets, viable_sets
-from walkcore.mpc.walking_qp import OVERSHOOT
+from walkcore.mpc.supports import WalkingProblem
+from walkcore.mpc.viability import Landings, ViableSets
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.values import Vector
 
-SHORTER_STEPS = (0.6, 0.5, 0.4)  # [s]
-SHORTEST_SWING = 0.3  # [s]
 MAX_LOWERING_SPEED = 1.0  # [m/s] of the foot in the air: bounds how soon it can land
 RESOLUTION = 0.02  # [s] between the touchdowns that are compared
 SWAP = 0.03  # [m] by which a touchdown of the foot that has just landed has to be better than one of the other foot
@@ -62,45 +59,22 @@ class Choice:
     """Distance of the DCM inside of the viable set [m]."""
 
 
-def shortest_step(parameters: Parameters) -> int:
-    """Samples of the shortest step whose touchdown lies on the grid of its beginning."""
-    return math.ceil(SHORTEST_SWING / parameters.sampling_period - 1e-9) + 1
-
-
-def samples_to_choose_from(parameters: Parameters) -> tuple[int, ...]:
-    """Samples that each of the coming steps may take, the usual number first, then ever fewer."""
-    usual, shortest = parameters.timing.samples_per_step, shortest_step(parameters)
-    shorter = {round(duration / parameters.sampling_period) for duration in SHORTER_STEPS}
-    return (usual, *sorted((n for n in shorter if shortest <= n < usual), reverse=True))
-
-
-def step_durations(parameters: Parameters) -> tuple[float, ...]:
-    """Durations that each of the coming steps may have, the usual one first [s]."""
-    return tuple(round(n * parameters.sampling_period, 9) for n in samples_to_choose_from(parameters))
-
-
-def adaptive_sets(robot: Robot, parameters: Parameters) -> ViableSets:
-    """The viable sets that touchdowns are compared by; the same object where robot and parameters decide the same.
-
-    Args:
-        robot: whose soles, regions and foot speed count.
-        parameters: with margin and timing.
-    """
-    p, margin = parameters, parameters.cop_margin
-    omega = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity).omega
-    allowances = Allowance(margin, TIGHTENING), Allowance(margin), Allowance(min(OVERSHOOT, margin))
-    return viable_sets(robot, allowances, step_durations(p), p.double_support_duration, omega)
-
-
 class TouchdownComparison:
     """Compares the touchdowns of any tick. Holds nothing but what depends on robot and parameters alone."""
 
-    def __init__(self, robot: Robot, parameters: Parameters, generator: PatternGenerator) -> None:
-        """Compute the viable sets of all durations of the coming steps."""
+    def __init__(self, robot: Robot, parameters: Parameters, generator: PatternGenerator, sets: ViableSets) -> None:
+        """Take what stays the same from tick to tick.
+
+        Args:
+            robot: to plan for.
+            parameters: of the plans.
+            generator: for that robot and these parameters.
+            sets: by allowance and duration of the coming steps, see `BalanceSets`.
+        """
         self.timing, self.robot, self.generator = parameters.timing, robot, generator
         self.samples_per_step = samples_to_choose_from(parameters)
         self.shortest_step = min(shortest_step(parameters), self.timing.samples_per_step)
-        self.sets = adaptive_sets(robot, parameters)
+        self.sets = sets
 
     def branches(self, gait: Gait, tick: int, height: float, problem_of: ProblemOf) -> Iterator[Branch]:
         """All touchdowns to choose from, those of the present support foot first.

@@ -21,6 +21,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +122,14 @@ class ViableSets:
             for side in Side
         }
         self._normals = {side: _normals_of_edges(robot, side.other) for side in Side}
+        self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What goes from one process to another: all but the cache."""
+        return {name: value for name, value in vars(self).items() if name != "_fixed_parts"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
         self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
 
     def _compute_fixed_parts(self, support: Side, turn: float) -> tuple[Parts, Parts, Parts]:

@@ -1,0 +1,78 @@
+"""The sets of the DCM from which the coming steps catch the robot, for each duration that these may have.
+
+They depend on robot and parameters alone and take most of the time that a change of parameters takes, so a caller may
+compute them beforehand, elsewhere, and give them to the pattern generator.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from walkcore.mpc.lipm import Pendulum
+from walkcore.mpc.schemes import Footholds
+from walkcore.mpc.supports import TIGHTENING, CaptureSets, capture_sets
+from walkcore.mpc.viability import Allowance, ViableSets, viable_sets
+from walkcore.mpc.walking_qp import OVERSHOOT
+from walkcore.parameters import Parameters
+from walkcore.robot import Robot
+
+SHORTER_STEPS = (0.6, 0.5, 0.4)  # [s]
+SHORTEST_SWING = 0.3  # [s]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BalanceSets:
+    """The sets for one robot and some parameters."""
+
+    capture: Mapping[float, CaptureSets]
+    """By the duration of the coming steps [s]."""
+    viable: ViableSets
+    """For steps of the usual duration that keep the margin."""
+    compared: ViableSets | None
+    """For all durations and allowances by which adaptive step timing compares touchdowns; None where it is off."""
+
+
+def balance_sets(robot: Robot, parameters: Parameters) -> BalanceSets:
+    """The sets for a robot with some parameters.
+
+    Args:
+        robot: whose soles, regions and foot speed count.
+        parameters: with margin and timing.
+
+    Raises:
+        EmptyRegionError: if the margin leaves nothing of the sole.
+    """
+    p, margin = parameters, parameters.cop_margin
+    durations = step_durations(p) if has_adaptive_steps(p) else (p.step_duration,)
+    omega = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity).omega
+    careful, usual, utmost = Allowance(margin, TIGHTENING), Allowance(margin), Allowance(min(OVERSHOOT, margin))
+    T, compared = p.double_support_duration, None
+    if has_adaptive_steps(p):
+        compared = viable_sets(robot, (careful, usual, utmost), durations, T, omega)
+    return BalanceSets(
+        {duration: capture_sets(robot, p, duration) for duration in durations},
+        viable_sets(robot, (usual,), (p.step_duration,), T, omega),
+        compared,
+    )
+
+
+def has_adaptive_steps(parameters: Parameters) -> bool:
+    """Whether steps may end sooner; a scheme whose QP does not choose the footholds has no use for it."""
+    return parameters.step_timing == "adaptive" and parameters.formulation.footholds is Footholds.FREE
+
+
+def shortest_step(parameters: Parameters) -> int:
+    """Samples of the shortest step whose touchdown lies on the grid of its beginning."""
+    return math.ceil(SHORTEST_SWING / parameters.sampling_period - 1e-9) + 1
+
+
+def samples_to_choose_from(parameters: Parameters) -> tuple[int, ...]:
+    """Samples that each of the coming steps may take, the usual number first, then ever fewer."""
+    usual, shortest = parameters.timing.samples_per_step, shortest_step(parameters)
+    shorter = {round(duration / parameters.sampling_period) for duration in SHORTER_STEPS}
+    return (usual, *sorted((n for n in shorter if shortest <= n < usual), reverse=True))
+
+
+def step_durations(parameters: Parameters) -> tuple[float, ...]:
+    """Durations that each of the coming steps may have, the usual one first [s]."""
+    return tuple(round(n * parameters.sampling_period, 9) for n in samples_to_choose_from(parameters))
