@@ -36,6 +36,7 @@ check: install
 # among hostile clients.
 soak: test-all
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5
+	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5 --push 30 --step-timing adaptive --control-period 0.005
 	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 6
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.1 --body
 	$(BIN)/python benchmarks/soak_server.py --minutes 60

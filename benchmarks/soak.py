@@ -6,11 +6,12 @@ Run `.venv/bin/python benchmarks/soak.py --robot talos --hours 0.2`; it ends wit
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import tyro
 
-from walkcore import Command, Parameters, Push, Reference, Simulation, Snapshot, load_robot
+from walkcore import Command, Push, Reference, Simulation, Snapshot, load_robot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import polygon
@@ -31,6 +32,7 @@ class Soak:
     """Largest impulse [N s]; one comes every five seconds or so."""
     control_period: float = 0.02
     """Duration of a tick [s]."""
+    step_timing: Literal["fixed", "adaptive"] = "fixed"
     body: bool = False
     """Whether the whole body walks, or the point mass with feet."""
     seed: int = 0
@@ -40,7 +42,8 @@ def main(soak: Soak) -> None:
     """Walk, check, count."""
     robot = load_robot(soak.robot)
     robot = robot if soak.body else dataclasses.replace(robot, body=None)
-    simulation = Simulation(robot, Parameters(control_period=soak.control_period))
+    changes = {"control_period": soak.control_period, "step_timing": soak.step_timing}
+    simulation = Simulation(robot, robot.parameters.changed(changes))
     rng = np.random.default_rng(soak.seed)
     reference, before, statuses, falls = Reference(), None, {status: 0 for status in Status}, []
     for _ in range(round(soak.hours * 3600 / soak.control_period)):

@@ -1,17 +1,21 @@
 """Limits of iterations and of time: every tick ends, and one that is not solved in time goes on with the last plan."""
 
+from dataclasses import replace
+from typing import Any
+
 import daqp
 import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
-from walkcore.errors import InvalidValueError, OutOfTimeError
+from walkcore.errors import InvalidValueError, NoSolutionFoundError, OutOfTimeError
 from walkcore.mpc.plan import Status
-from walkcore.mpc.qp import MAX_ACTIVE_SET_ITERATIONS, SOLVERS
+from walkcore.mpc.qp import MAX_ACTIVE_SET_ITERATIONS, QP, SOLVERS, STALLED_GAP, InteriorPointSolver
 from walkcore.scenario.recording import collect
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.simulation import NOT_IN_TIME
 from walkcore.stages import unlimited
+from walkcore.state import state_from_mapping
 
 HRP2 = load_robot("hrp2")
 WALK = Command(Reference(vx=0.2, yaw_rate=0.1))
@@ -97,3 +101,56 @@ def test_a_tick_without_time_is_no_reason_of_a_fall_in_a_recording():
     snapshots = [simulation.step(WALK), *(simulation.step(WALK, no_time) for _ in range(4))]
     assert snapshots[-1].reason == NOT_IN_TIME
     assert collect(scenario, snapshots, None).reason == ""
+
+
+STALLED: dict[str, Any] = {  # 0.25 s after the second of two pushes, of 24 N s, while turning to the right
+    "tick": 56898,
+    "gait": {
+        "first_support": "left",
+        "start": 2836,
+        "nb_steps": None,
+        "step_duration": 0.8,
+        "retiming": {"offset": 12, "first_step_ticks": 100, "samples_per_step": 4},
+    },
+    "flight": None,
+    "com": {
+        "position": [-1.9031452288377537, -2.9628095896565805],
+        "velocity": [0.15887030964913434, 0.48562117897378565],
+        "acceleration": [1.511798690461617, -0.35080712438674766],
+    },
+    "left_foot": {
+        "pose": [-1.7637995643766922, -3.05103662935186, -1.7955533338803693],
+        "velocity": [0.7949576607302118, 1.390712620416525, 0.27429026269860657],
+        "acceleration": [0.0, 0.0, 0.0],
+        "height": 0.01831892894375857,
+    },
+    "right_foot": {
+        "pose": [-2.108829152442741, -3.0275035313265133, -1.731505985156172],
+        "velocity": [0.0, 0.0, 0.0],
+        "acceleration": [0.0, 0.0, 0.0],
+        "height": 0.0,
+    },
+    "pushes": [],
+    "why_fallen": "",
+    "com_offset": {"position": [0.0, 0.0], "divergent": [0.0, 0.0]},
+    "q": None,
+    "q_before": None,
+}
+
+
+def test_a_relaxed_qp_at_which_rounding_stalls_the_solver_does_not_fell_the_robot():
+    talos = replace(load_robot("talos"), body=None)
+    parameters = talos.parameters.changed({"step_timing": "adaptive"})
+    simulation = Simulation(talos, parameters)
+    simulation.restore(state_from_mapping(STALLED, talos, parameters))
+    command = Command(Reference(vx=0.3, vy=-0.2, yaw_rate=-0.064))
+    assert simulation.step(command).status is Status.RELAXED
+    assert all(simulation.step(command).status is not Status.FALLEN for _ in range(1600))
+
+
+def test_a_qp_without_a_solution_has_none_however_the_solver_stalls():
+    contradiction = QP(
+        np.eye(1), np.zeros(1), np.array([[1.0], [1.0]]), np.array([1.0, -np.inf]), np.array([np.inf, 0.0])
+    )
+    with pytest.raises(NoSolutionFoundError):
+        InteriorPointSolver(STALLED_GAP).solve(contradiction)

@@ -13,7 +13,7 @@ from walkcore.mpc.horizon import SampleStance, StanceSequence
 from walkcore.mpc.lipm import Pendulum, PreviewMatrices, preview_matrices
 from walkcore.mpc.plan import Bounds, Plan, Status
 from walkcore.mpc.preview import PLANNED, Preview, QPInputs
-from walkcore.mpc.qp import QP, SOLVERS, InteriorPointSolver
+from walkcore.mpc.qp import QP, SOLVERS, STALLED_GAP, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
 from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
@@ -51,7 +51,7 @@ class PatternGenerator:
         self.sets = balance_sets(robot, p) if sets is None else sets
         self._geometry = SupportGeometry(robot, p, self.sets.capture)
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
-        self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver()
+        self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver(STALLED_GAP)
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
 
     def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:

@@ -31,6 +31,7 @@ from walkcore.values import Matrix, Vector
 
 TOLERANCE = 1e-9  # of the residuals of the scaled problem, absolute and relative
 GAP_TOLERANCE = 1e-11  # of the duality gap: what moves the footholds last
+STALLED_GAP = 1e-6  # duality gap over the cost, at which a relaxed QP whose solve gets no further counts as solved
 MAX_ITERATIONS = 100  # of PIQP; a QP of a walk takes 10 to 40
 MAX_ACTIVE_SET_ITERATIONS = 500  # of DAQP; a QP of a walk takes 30 to 300, one with flat directions runs to any limit
 
@@ -87,9 +88,14 @@ class Solver(Protocol):
 class InteriorPointSolver:
     """PIQP."""
 
-    def __init__(self) -> None:
-        """Choose the tolerances."""
-        self._solver = piqp.DenseSolver()
+    def __init__(self, stalled_gap: float = 0.0) -> None:
+        """Choose the tolerances.
+
+        Args:
+            stalled_gap: duality gap over the cost, at which a feasible point counts as the solution when the solver
+                gets no nearer to its tolerance; by default it never does.
+        """
+        self._stalled_gap, self._solver = stalled_gap, piqp.DenseSolver()
         settings = self._solver.settings
         settings.eps_abs = settings.eps_rel = TOLERANCE
         settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = GAP_TOLERANCE
@@ -106,10 +112,15 @@ class InteriorPointSolver:
         solver.setup(P=P, c=problem.q, G=G, h_l=problem.lower, h_u=problem.upper)
         status = solver.solve()
         stages.lap("solve")
-        if status != piqp.PIQP_SOLVED:
-            raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
         result = solver.result
+        if status != piqp.PIQP_SOLVED and not self._has_stalled_near_enough(result.info):
+            raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
         return _finite(Solution(result.x, result.z_u - result.z_l), problem)
+
+    def _has_stalled_near_enough(self, info: Any) -> bool:
+        """Whether rounding keeps the solver from its tolerance, at a point that keeps all bounds and costs no more."""
+        gap = info.duality_gap / (1.0 + abs(info.primal_obj))
+        return bool(info.primal_res <= TOLERANCE and gap <= self._stalled_gap)
 
 
 class ActiveSetSolver:
