@@ -97,6 +97,7 @@ export class Status {
 }
 
 function phase(live) {
+  if (live.status === 2) return "–";
   if (live.phase === 0) return "both feet";
   return live.phase === 1 ? "double support" : `${SIDES[live.support_side]} support`;
 }

@@ -226,6 +226,14 @@ def test_support_polygon_is_the_hull_of_the_soles_on_the_ground_and_margin_lies_
     assert inner.area > 0.0 and inner.buffer(Parameters().cop_margin - 1e-3).within(support.buffer(1e-4))
 
 
+def test_a_robot_that_lies_has_no_support_polygon(scene, walk):
+    fallen = replace(walk[100], status=Status.FALLEN, plan=None)
+    for snapshot, expected in ((walk[99], 1), (fallen, 0), (walk[101], 1)):
+        draw(scene, snapshot)
+        visible = latest(scene.updates, "visible")
+        assert sum(is_shown for name, is_shown in visible.items() if name.startswith(f"{WORLD}/support/")) == expected
+
+
 def test_last_push_is_drawn_for_a_moment_and_an_older_one_never(scene):
     simulation = Simulation(load_robot("hrp2"), Parameters())
     arrow, push = f"{WORLD}/push/at_com/last", Push([-3.0, 7.0], 0.03, "world")

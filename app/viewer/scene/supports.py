@@ -12,6 +12,7 @@ from app.viewer.scene.frame import Canvas, Frame
 from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, add_lines, raised
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import WalkError
+from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import inset_vertices
 from walkcore.mpc.stance import Side, Stance, convex_hull
 from walkcore.values import Matrix, rotation
@@ -40,16 +41,17 @@ class StancePolygon:
         self._drawn: object = None
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
-        """Draw the polygon of the snapshot's stance, unless it is drawn already."""
+        """Draw the polygon of the snapshot's stance, unless it is drawn already; a robot that lies has none."""
         stance, margin = frame.snapshot.stance, frame.parameters.cop_margin
-        key = ([(foot.side, foot.position.tolist(), foot.yaw) for foot in stance.feet], margin)
+        has_fallen = frame.snapshot.status is Status.FALLEN
+        key = (has_fallen, [(foot.side, foot.position.tolist(), foot.yaw) for foot in stance.feet], margin)
         if key == self._drawn:
             return
         self._drawn, foot = key, stance.feet[0]
         for node in self._nodes.values():
             node.hide(updates)
         corners = self._corners(stance, margin)
-        if len(corners):
+        if len(corners) and not has_fallen:
             node = self._nodes[foot.side, len(stance.feet)]
             node.reshape(updates, (corners - foot.position) @ rotation(foot.yaw))
             node.place(updates, foot.position, foot.yaw)
