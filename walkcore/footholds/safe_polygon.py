@@ -19,6 +19,7 @@ from walkcore.values import Matrix, Vector, frozen_copy
 CLEARANCE = 5e-4  # [m] from the polygon to what must stay outside: more than rounding its corners moves an edge
 NB_DIRECTIONS = 180  # of the lines tried for one cut
 DECIMALS = 4  # of the corners [m]
+ROUNDING = 1e-9  # [m] by which a corner of a hull may lie outside of it
 
 
 def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices: int) -> Matrix:
@@ -37,7 +38,7 @@ def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices:
         corners = allowed[ConvexHull(allowed).vertices]
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"{len(allowed)} points enclose no area") from error
-    if not np.all(inside(corners, kept)):
+    if not np.all(inside(corners, kept, ROUNDING)):
         raise EmptyRegionError("a point to keep lies outside of what is allowed")
     left = forbidden[inside(corners, forbidden, CLEARANCE / 2)]
     while len(left):
