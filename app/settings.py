@@ -35,6 +35,8 @@ class Settings(BaseSettings):
     """Port to listen on; 0 takes a free one."""
     robot: str = "talos"
     """Robot that walks on the page: the name of one that ships, or the path of a robot file."""
+    walk_robots: Path | None = None
+    """Folder of further robot files, each named as its robot, that pages and clients may choose."""
     walk_plant: Literal["auto", "ideal", "mujoco"] = "auto"
     """Plant that the joints move at the start: auto takes contact physics where this machine keeps up with it."""
     scene: Literal["full", "light"] = "full"

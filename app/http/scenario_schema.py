@@ -32,6 +32,12 @@ def scenario_schema() -> Json:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | SCENARIO
 
 
+def request_schema() -> Json:
+    """The JSON schema of a scenario in a request, where a robot may be of the server's own folder, too."""
+    robot = _text("Name of one of `GET /api/v1/robots`.", default="talos")
+    return SCENARIO | {"properties": SCENARIO["properties"] | {"robot": robot}}
+
+
 def _object(description: str, required: Sequence[str] = (), /, **properties: Json) -> Json:
     """A mapping with these keys, some of them required, and no others."""
     return {
@@ -232,7 +238,7 @@ STATE = _object(
     plant=_optional(PLANT),
     twin={"type": ["object", "null"], "description": "State of the ideal robot beside this one, with these same keys."},
 )
-SCENARIO = {"title": "Scenario"} | _object(
+SCENARIO: Json = {"title": "Scenario"} | _object(
     "A scripted walk: a robot, its parameters, references and pushes, and bounds on its metrics.",
     ("duration",),
     name=_text("Name of the scenario.", default="unnamed"),

@@ -84,7 +84,8 @@ class SaveBody(Body):
 
     name: str = Field(default="", max_length=200, description="Name of the run; the time of day if it is empty.")
     before_reset: bool = Field(
-        default=False, description="Keep the walk before the last reset instead of the present one."
+        default=False,
+        description="Keep the walk before the last reset, or of the robot before, instead of the present one.",
     )
 
 
@@ -166,6 +167,12 @@ class Health(BaseModel):
     )
 
 
+class RobotChoice(Body):
+    """The robot that is to walk."""
+
+    robot: str = Field(max_length=100, description="Name of one of `GET /api/v1/robots`.")
+
+
 class LeaseRequest(Body):
     """The browser that is to drive alone."""
 
@@ -207,6 +214,7 @@ def live_json(state: LiveState) -> dict[str, Any]:
     return {name: value if math.isfinite(value) else None for name, value in columns.items()} | {
         "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
         **({} if plant is None else {"q_commanded": _finite(plant.q_commanded.tolist())}),
+        "robot": state.robot,
         "plant": state.plant,
         "plant_reason": state.plant_reason,
         "world": state.world.to_mapping(),

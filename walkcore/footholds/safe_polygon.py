@@ -144,4 +144,4 @@ def _cut(corners: Matrix, point: Vector, kept: Matrix) -> Matrix:
 def _without_cheapest_corner(corners: Matrix, kept: Matrix) -> Matrix:
     """The polygon without one corner, the one that costs least among those whose loss spares the points kept."""
     remaining = [np.delete(corners, k, axis=0) for k in range(len(corners))]
-    return max((part for part in remaining if np.all(inside(part, kept))), key=area)
+    return max((part for part in remaining if np.all(inside(part, kept, ROUNDING))), key=area)
