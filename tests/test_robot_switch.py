@@ -1,6 +1,7 @@
 """Another robot walks on the page while the server runs, and robots of the server's own folder."""
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -203,5 +204,29 @@ def test_pages_follow_a_robot_that_is_chosen_in_one_of_them(api, server, browser
         linked.goto(f"{server.url}?robot=small")
         linked.get_by_role("button", name="Apply").click()
         expect(other.locator("#robot")).to_have_text("Small", timeout=1e3 * PATIENCE)
+    finally:
+        context.close()
+
+
+def test_pushes_of_the_page_are_in_proportion_to_the_robot(api, server, browser: Browser):
+    context = browser.new_context()
+    context.route("**/viewer/?*", lambda route: route.abort())
+    try:
+        page = context.new_page()
+        page.goto(server.url)
+        strength = page.locator("#strength")
+        expect(strength).to_have_value("12", timeout=1e3 * PATIENCE)
+        expect(strength).to_have_attribute("max", "60")
+        api.put("live/robot", json={"robot": "small"}).raise_for_status()
+        expect(strength).to_have_value("1.8", timeout=1e3 * PATIENCE)  # of 9 N s, in tenths
+        page.locator("#presets").click()
+        page.get_by_role("button", name="Shove it", exact=True).click()
+        wait_for(lambda: api.get("live").json()["last_push"] is not None)
+        impulse = math.hypot(*api.get("live").json()["last_push"]["impulse"])
+        scenario = next(s for s in api.get("scenarios").json() if s["name"] == "pushes-while-standing")
+        first = next(event["push"]["impulse"] for event in scenario["events"] if "push" in event)
+        talos = next(robot for robot in api.get("robots").json() if robot["name"] == scenario["robot"])
+        assert impulse == pytest.approx(math.hypot(*first) * 9.0 / talos["limits"]["push"])
+        expect(page.locator(".notice[data-level=bad]")).to_have_count(0)
     finally:
         context.close()
