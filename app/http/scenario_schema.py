@@ -19,6 +19,7 @@ from walkcore.plant.fall_watch import SIGNS
 from walkcore.plant.world import LIMITS as WORLD_LIMITS
 from walkcore.plant.world import MAX_SEED, SENSORS, World
 from walkcore.pushes import MAX_PUSHES
+from walkcore.robot_file import DEFAULT_ROBOT
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION, MAX_SOLVES
 from walkcore.state import COM, FLIGHT, FOOT, HIGHEST, KEYS, MAX_SAMPLES, OFFSET, OPTIONAL_KEYS
@@ -34,7 +35,7 @@ def scenario_schema() -> Json:
 
 def request_schema() -> Json:
     """The JSON schema of a scenario in a request, where a robot may be of the server's own folder, too."""
-    robot = _text("Name of one of `GET /api/v1/robots`.", default="talos")
+    robot = _text("Name of one of `GET /api/v1/robots`.", default=DEFAULT_ROBOT)
     return SCENARIO | {"properties": SCENARIO["properties"] | {"robot": robot}}
 
 
@@ -243,7 +244,7 @@ SCENARIO: Json = {"title": "Scenario"} | _object(
     ("duration",),
     name=_text("Name of the scenario.", default="unnamed"),
     description=_text("What the scenario is for.", default=""),
-    robot=_choice("Name of a robot that ships.", robot_names(), default="talos"),
+    robot=_choice("Name of a robot that ships.", robot_names(), default=DEFAULT_ROBOT),
     duration=_number("Simulated time [s].", LIMITS["control_period"][0], MAX_DURATION),
     parameters=_optional(PARAMETERS),
     world=_optional(WORLD),

@@ -3,7 +3,7 @@
 """The quantities of a robot file, measured on a URDF; what cannot be measured follows from its size.
 
 Speeds go with the square root of the CoM's height (Froude number), lengths with the height, impulses with mass times
-speed, all from the values of Talos, whose regions and limits were found by simulation.
+speed, all from the values of the default robot, whose regions and limits were found by simulation.
 """
 
 import math
@@ -136,17 +136,17 @@ def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, An
         name: of the robot.
         folder: of the file: paths in it start there.
     """
-    talos = load_robot("talos")
+    model = load_robot()
     x, _, above = robot.com_over_foot
     height = LOWERED * float(above - robot.soles[0].height)
-    size = height / talos.com_height
+    size = height / model.com_height
     speed, width = math.sqrt(size), round(robot.feet_apart, 3)
     ahead = float(np.clip(x, *np.sort(robot.outline[:, 0])[[0, -1]] * 0.5))
     outline = np.round(robot.outline - [ahead, 0.0], DIGITS)
     margin = min(MOST_MARGIN, MARGIN * float(np.ptp(outline, axis=0).min()))
     region = [[-AHEAD, INNER], [-CORNER, OUTER], [CORNER, OUTER], [AHEAD, INNER]]
     vertices = [[px * height, py * (width if py == INNER else height)] for px, py in region]
-    duration = round(talos.parameters.step_duration * speed, 1)
+    duration = round(model.parameters.step_duration * speed, 1)
     return {
         "name": name,
         "mass": round(robot.mass, 6),
@@ -154,20 +154,20 @@ def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, An
         "stance_width": width,
         "sole": outline.tolist(),
         "foothold_regions": [{"yaw": [-0.09, 0.45], "region": _rounded(vertices)}],
-        "max_foot_speed": _rounded(talos.max_foot_speed * speed, 2),
-        "max_foot_yaw_rate": talos.max_foot_yaw_rate,
-        "max_com_distance": round(talos.max_com_distance * size, 3),
+        "max_foot_speed": _rounded(model.max_foot_speed * speed, 2),
+        "max_foot_yaw_rate": model.max_foot_yaw_rate,
+        "max_com_distance": round(model.max_com_distance * size, 3),
         "max_reference": {
             key: _rounded(np.array(limits) * (speed if key != "yaw_rate" else 1.0), 2)
-            for key, limits in talos.max_reference.items()
+            for key, limits in model.max_reference.items()
         },
-        "max_push": round(talos.max_push * speed * robot.mass / talos.mass, 1),
+        "max_push": round(model.max_push * speed * robot.mass / model.mass, 1),
         "tipping_margin": round(min(MOST_TIPPING_MARGIN, TIPPING * margin), 3),
         "gait": {
             "step_duration": duration,
             "initial_double_support_duration": duration,
             "cop_margin": round(margin, 3),
-            "swing_height": round(talos.parameters.swing_height * size, 3),
+            "swing_height": round(model.parameters.swing_height * size, 3),
         },
         "body": _body_mapping(robot, ahead, folder),
     }
