@@ -129,15 +129,14 @@ document.addEventListener("visibilitychange", () => {
 
 /** Ask for the robot that walks and for what this browser may do, and set the controls to that. */
 async function loadSession() {
-  const [health, robots, { role }] = await Promise.all(["health", "robots", "session"].map((path) => request("GET", path)));
+  const [{ title, limits, height }, robots, { role }] = await Promise.all(["live/robot", "robots", "session"].map((path) => request("GET", path)));
   document.body.classList.toggle("only-looks", role === "viewer");
   scene.setRole(role);
   driver.setRole(role);
   if (role === "viewer") teleop.disconnect();
-  const { title, limits, com_height: comHeight } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = title;
   robotMenu.offer(robots);
-  views.fit(comHeight);
+  views.fit(height);
   teleop.setLimits(limits);
   dial.setLimit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];

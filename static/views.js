@@ -16,7 +16,7 @@ export const VIEWS = {
 };
 export const DEFAULT_VIEW = "chase";
 const FIELD_OF_VIEW = 0.7; // rad, as the server sets it
-const HEIGHT = 0.876; // m, of the CoM of a robot that all lengths here are given for
+const HEIGHT = 1.7; // m, of a robot that all lengths here are given for
 const MIDDLE = 0.9; // m, height of its middle
 const WIDTH = 1.3; // m that are in sight at least
 const NARROW = 560; // pixels; the bar of views and the pads leave no room beside the robot
@@ -65,9 +65,9 @@ export class Views {
     this.choose(names[(names.indexOf(this.name) + 1) % names.length]);
   }
 
-  /** Show a robot of another size, by the height of its CoM [m]. */
-  fit(comHeight) {
-    this.scale = comHeight / HEIGHT;
+  /** Show a robot of another height [m]. */
+  fit(height) {
+    this.scale = height / HEIGHT;
     this.place();
   }
 

@@ -142,6 +142,12 @@ class RobotBody(BaseModel):
     limits: RobotLimits
 
 
+class LiveRobotBody(RobotBody):
+    """The robot that walks here."""
+
+    height: float = Field(description="Height of its body as it is drawn [m].")
+
+
 class Health(BaseModel):
     """Whether the walk keeps up with real time, and what it costs."""
 

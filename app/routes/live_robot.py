@@ -10,6 +10,7 @@ from pydantic import StrictBool
 from app.http.run_schemas import RunBody, address
 from app.http.schemas import (
     ErrorBody,
+    LiveRobotBody,
     PushBody,
     RandomPushesBody,
     ReferenceBody,
@@ -37,9 +38,10 @@ async def live(runner: LiveRunner) -> dict[str, Any]:
 
 
 @router.get("/robot")
-async def robot(runner: LiveRunner) -> RobotBody:
+async def robot(switch: LiveSwitch) -> LiveRobotBody:
     """The robot that walks."""
-    return robot_body(runner.robot)
+    walking = robot_body(switch.runner.robot).model_dump()
+    return LiveRobotBody(**walking, height=switch.viewer.scene.height)
 
 
 @router.get("/robot/defaults")
@@ -49,14 +51,15 @@ async def first_robot(switch: LiveSwitch) -> RobotBody:
 
 
 @router.put("/robot")
-async def switch_robot(body: RobotChoice, switch: LiveSwitch) -> RobotBody:
+async def switch_robot(body: RobotChoice, switch: LiveSwitch) -> LiveRobotBody:
     """Let another robot walk, for all browsers; responds once it stands, which takes some seconds.
 
     It begins at rest with its own parameters. The walk of the one before can still be saved, as that before a reset. A
     robot that cannot stand or be drawn is refused, and the one that walks goes on; so it does while another switch is
     under way, with 503.
     """
-    return robot_body(await asyncio.to_thread(switch.switch, body.robot))
+    await asyncio.to_thread(switch.switch, body.robot)
+    return await robot(switch)
 
 
 @router.put("/reference", responses={409: {"model": ErrorBody, "description": "A browser drives alone."}})

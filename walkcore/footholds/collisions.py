@@ -5,7 +5,8 @@
 Thighs, shins with their knees, ankles and feet of one side against those of the
 other: the four links at the end of each leg, as the URDF's collision meshes, or as its
 visual ones where a leg has none. Their convex hulls stand for them: never smaller, the
-same distances where legs meet, and a hundred times faster to ask.
+same distances where legs meet, and a hundred times faster to ask. Pairs that the robot's
+SRDF disables are left out.
 """
 
 from itertools import product
@@ -49,6 +50,8 @@ class LegDistances:
                 break
         for left, right in product(indices[Side.LEFT], indices[Side.RIGHT]):
             self._geometry.addCollisionPair(pin.CollisionPair(left, right))
+        if body.srdf is not None:
+            pin.removeCollisionPairs(model, self._geometry, str(body.srdf), False)
         self._geometry_data = pin.GeometryData(self._geometry)
         thighs = {leg_joints(body, model, side)[-NB_LINKS] for side in Side}
         self._required = np.array(

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from walkcore.errors import InvalidValueError
 from walkcore.robot_file import load_robot
-from walkcore.robot_import.legs import Leg, bent_posture, find_legs
+from walkcore.robot_import.legs import HALF_SITTING, Leg, bent_posture, find_legs, named_posture
 from walkcore.robot_import.soles import Sole, common_outline, foot_geometry, sole_of
 from walkcore.values import Matrix, Vector
 
@@ -49,6 +49,10 @@ class MeasuredRobot:
     """Link that is held upright."""
     fixed_joints: tuple[str, ...]
     """Joints without torque or speed, such as those of fingers."""
+    srdf: Path | None = None
+    """SRDF that has the posture; None where the knees were bent here."""
+    posture: str = ""
+    """Name of the posture in the SRDF."""
 
     @property
     def mass(self) -> float:
@@ -71,7 +75,14 @@ class MeasuredRobot:
         return float(left[1] - right[1])
 
 
-def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "") -> MeasuredRobot:
+def measure(
+    urdf: Path,
+    packages: Path,
+    feet: Sequence[str] = (),
+    torso: str = "",
+    srdf: Path | None = None,
+    posture: str = HALF_SITTING,
+) -> MeasuredRobot:
     """Find the legs, soles and posture of a biped.
 
     Args:
@@ -79,6 +90,8 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
         packages: folder in which its `package://` addresses start.
         feet: links of the left and the right foot; by default the two lowest ends of the tree.
         torso: link to be held upright; by default the heaviest that no leg moves.
+        srdf: file with the posture; None bends the knees.
+        posture: its name there.
 
     Raises:
         InvalidValueError: if it is no biped that could walk, with what is missing.
@@ -88,7 +101,7 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
     except (ValueError, RuntimeError) as error:
         raise InvalidValueError("urdf", str(urdf), f"cannot be read: {' '.join(str(error).split())}") from error
     legs = find_legs(model, feet)
-    q = bent_posture(model, legs)
+    q = bent_posture(model, legs) if srdf is None else named_posture(model, legs, srdf, posture)
     shapes = foot_geometry(model, urdf, packages, legs)
     left, right = (sole_of(model, shapes, leg, q) for leg in legs)
     if torso and not model.existFrame(torso):
@@ -103,6 +116,8 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
         outline=common_outline(left, right),
         torso=torso or _torso(model, legs),
         fixed_joints=_useless_joints(model, legs),
+        srdf=srdf,
+        posture="" if srdf is None else posture,
     )
 
 
@@ -180,12 +195,15 @@ def _body_mapping(robot: MeasuredRobot, ahead: float, folder: Path) -> dict[str,
     body: dict[str, Any] = {
         "urdf": _relative(robot.urdf, folder),
         "package_folder": _relative(robot.packages, folder),
-        "posture_angles": {
+    }
+    if robot.srdf is not None:
+        body |= {"srdf": _relative(robot.srdf, folder), "posture": robot.posture}
+    else:
+        body["posture_angles"] = {
             model.names[joint]: round(float(robot.q[model.joints[joint].idx_q]), DIGITS)
             for joint in range(2, model.njoints)
             if model.joints[joint].nq == 1 and abs(robot.q[model.joints[joint].idx_q]) > 1e-6
-        },
-    }
+        }
     for leg, sole in zip(robot.legs, robot.soles, strict=True):
         position = sole.rotation @ [ahead, 0.0, sole.height]
         frame = {"link": _link_of(model, leg.foot), "position": _rounded(position)}
