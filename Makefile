@@ -35,9 +35,9 @@ check: install
 # Every test, then an hour of random walks and pushes with every promise checked at every tick, and an hour of a server
 # among hostile clients.
 soak: test-all
-	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5
-	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5 --push 30 --step-timing adaptive --control-period 0.005
-	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 6
+	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5 --step-timing fixed
+	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.5 --push 0.33 --control-period 0.005
+	$(BIN)/python benchmarks/soak.py --robot hrp2 --hours 0.5 --push 0.11
 	$(BIN)/python benchmarks/soak.py --robot talos --hours 0.1 --body
 	$(BIN)/python benchmarks/soak_server.py --minutes 60
 

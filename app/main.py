@@ -1,6 +1,5 @@
 """The server: wires runner, viewer, runs, routes and page together, listens on one port, and stops them."""
 
-import logging
 import os
 import socket
 import sys
@@ -30,19 +29,15 @@ from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
 from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
-from app.live.runner import NoResponseError, Runner
+from app.robot_choices import RobotChoices
+from app.robot_switch import RobotSwitch
 from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
-from app.viewer import LIGHT, RenderQuality, Viewer
+from app.viewer import LIGHT, RenderQuality
 from walkcore import load_robot
 
-logger = logging.getLogger(__name__)
-
-# The paper takes 0.8 s to start; a person at a joystick waits for the step.
-LIVE = {"initial_double_support_duration": 0.3, "dynamic_filter": True, "step_timing": "adaptive"}
-"""Parameters of the live walk that are not the robot's own."""
 MAX_MESSAGE = 64 * 1024  # bytes of a websocket message
 SWITCH_INTERVAL = 0.001  # [s] after which Python takes the processor from a long response for a frame that is due
 NICENESS = -5  # of 19 to -20
@@ -94,29 +89,22 @@ def create_app(settings: Settings) -> FastAPI:
         WalkError: if there is no such robot.
         OSError: if the folder for runs cannot be written to.
     """
-    robot = load_robot(settings.robot)
-    runner = Runner(robot, robot.parameters.changed(LIVE))  # its process starts while the viewer is built
-    lease = DriverLease()
-    viewer = Viewer(runner, LIGHT if settings.scene == "light" else RenderQuality(), lease)
-    runner.wait()
-    try:
-        runner.choose_plant(settings.walk_plant).result()
-    except NoResponseError as error:  # the process ended over it; the next one stands in the ideal model
-        logger.warning("no plant could be chosen, the robot walks in the ideal model: %s", error)
-    runs = _runs(settings)
-    streams = sockets.SnapshotStreams(runner)
+    robot, lease = load_robot(settings.robot), DriverLease()
+    choices = RobotChoices(robot, settings.walk_robots)
+    quality = LIGHT if settings.scene == "light" else RenderQuality()
+    switch = RobotSwitch(robot, choices, settings.walk_plant, quality, lease)
+    runs = _runs(settings, choices)
+    streams = sockets.SnapshotStreams(lambda: switch.runner.latest)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        runner.start()
-        viewer.start()
+        switch.start()
         runs.start()
         try:
             yield
         finally:
             runs.stop()
-            viewer.stop()
-            runner.stop()
+            switch.stop()
 
     app = FastAPIOffline(
         title="walk",
@@ -126,11 +114,12 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
         favicon_url="/static/icon.svg",
     )
-    app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
-    app.state.lease = lease
+    app.state.switch, app.state.runs, app.state.streams, app.state.lease = switch, runs, streams, lease
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
-        runner, lambda: streams.nb_clients, lambda: (viewer.cost.count, viewer.cost.seconds)
+        lambda: switch.runner,
+        lambda: streams.nb_clients,
+        lambda: (switch.viewer.cost.count, switch.viewer.cost.seconds),
     )
     refusals.install(app)
     app.add_middleware(SameOriginMiddleware)
@@ -148,12 +137,12 @@ def create_app(settings: Settings) -> FastAPI:
     for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
-    app.include_router(scene_router(viewer, seats))
+    app.include_router(scene_router(lambda: switch.viewer, seats))
     page.install(app, seats)
     return app
 
 
-def _runs(settings: Settings) -> Runs:
+def _runs(settings: Settings, choices: RobotChoices) -> Runs:
     limits = RunLimits(settings.runs_max_duration, settings.runs_max_ticks, settings.runs_max_events)
     return Runs(
         settings.walk_data,
@@ -162,6 +151,7 @@ def _runs(settings: Settings) -> Runs:
         nb_kept=settings.runs_kept,
         bytes_kept=settings.runs_bytes,
         limits=limits,
+        choices=choices,
     )
 
 

@@ -22,17 +22,19 @@ UNITS = {
 }
 
 
-def robot_text(values: Mapping[str, Any], urdf: str) -> str:
+def robot_text(values: Mapping[str, Any], urdf: str, study: str = "") -> str:
     """YAML of a robot file.
 
     Args:
         values: of the file.
         urdf: name of the URDF that they come from.
+        study: command that found the foothold regions; empty where they were guessed.
     """
     lines = [f"# Measured on {urdf} by walk import; what each number means stands in docs/robots.md."]
+    units = UNITS | ({"foothold_regions": f"m, of the left foot in the right foot's frame: {study}"} if study else {})
     for key, value in values.items():
-        if key in UNITS:
-            lines.append(f"# {UNITS[key]}")
+        if key in units:
+            lines.append(f"# {units[key]}")
         is_plain = not isinstance(value, dict | list)  # PyYAML would put a mapping of it into braces
         style = False if is_plain else None
         lines.append(yaml.safe_dump({key: value}, sort_keys=False, default_flow_style=style, width=150).rstrip())

@@ -24,6 +24,12 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
+def _default_robot() -> str:
+    from walkcore.robot_file import DEFAULT_ROBOT  # loads numpy, which comes after the line above
+
+    return DEFAULT_ROBOT
+
+
 class Settings(BaseSettings):
     """Settings of the server: each field is an environment variable of the same name in capitals (HOST, RUNS_KEPT)."""
 
@@ -33,8 +39,10 @@ class Settings(BaseSettings):
     """Address to listen on; the loopback by default."""
     port: int = Field(default=8000, ge=0, le=65535)
     """Port to listen on; 0 takes a free one."""
-    robot: str = "talos"
+    robot: str = Field(default_factory=_default_robot)
     """Robot that walks on the page: the name of one that ships, or the path of a robot file."""
+    walk_robots: Path | None = None
+    """Folder of further robot files, each named as its robot, that pages and clients may choose."""
     walk_plant: Literal["auto", "ideal", "mujoco"] = "auto"
     """Plant that the joints move at the start: auto takes contact physics where this machine keeps up with it."""
     scene: Literal["full", "light"] = "full"

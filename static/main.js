@@ -13,6 +13,7 @@ import { PushDial, PushReport, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
 import { UnreachableError, request } from "./requests.js";
+import { RobotMenu } from "./robots.js";
 import { Scene } from "./scene.js";
 import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
@@ -106,7 +107,7 @@ const scene = new Scene({
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", saveRecording]]) {
+for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", () => saveRecording()]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
     await act().catch(showError);
@@ -128,14 +129,14 @@ document.addEventListener("visibilitychange", () => {
 
 /** Ask for the robot that walks and for what this browser may do, and set the controls to that. */
 async function loadSession() {
-  const [health, robots, { role }] = await Promise.all(["health", "robots", "session"].map((path) => request("GET", path)));
+  const [{ title, limits, height }, robots, { role }] = await Promise.all(["live/robot", "robots", "session"].map((path) => request("GET", path)));
   document.body.classList.toggle("only-looks", role === "viewer");
   scene.setRole(role);
   driver.setRole(role);
   if (role === "viewer") teleop.disconnect();
-  const { title, limits, com_height: comHeight } = robots.find((robot) => robot.name === health.robot);
   element("robot").textContent = title;
-  views.fit(comHeight);
+  robotMenu.offer(robots);
+  views.fit(height);
   teleop.setLimits(limits);
   dial.setLimit(limits.push);
   const canTurn = limits.yaw_rate[1] > limits.yaw_rate[0];
@@ -143,6 +144,15 @@ async function loadSession() {
   element("turn").title = canTurn ? "Drag to turn (J, L)" : "This robot does not turn yet";
   element("turn-note").textContent = canTurn ? "" : "turning: not yet";
 }
+
+const robotMenu = new RobotMenu({
+  onChange: () => {
+    loadSession().catch(showError);
+    scene.load(); // another robot has a scene of its own
+  },
+  onSave: () => saveRecording({ before_reset: true }).catch(showError),
+  onError: showError,
+});
 
 let wasLost = false;
 new ReconnectingSocket("/api/v1/live/stream?rate=10", {
@@ -154,7 +164,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, driver, time, pushReport, randomPushes, views, presets]) part.show(live);
+    for (const part of [status, driver, time, pushReport, randomPushes, views, presets, robotMenu]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

@@ -13,6 +13,17 @@ export const PRESETS = {
   paper: { title: "The paper's section 6", sentence: "Ahead, a push to the left, sideways, ahead again, and a stop: the sample motion of Herdt et al. 2010.", scenario: "herdt-2010-section-6" },
 };
 
+/** An event of a walk in the proportions of another robot: the same shares of its fastest walk and of its strongest push. */
+function scaled({ reference, push, ...event }, from, to) {
+  const walked = ([key, part]) => {
+    const side = part < 0 ? 0 : 1; // robots walk backward more slowly
+    return [key, part && (part * to[key][side]) / from[key][side]];
+  };
+  if (reference) event.reference = Object.fromEntries(Object.entries(reference).map(walked));
+  if (push) event.push = { ...push, impulse: push.impulse.map((part) => (part * to.push) / from.push) };
+  return event;
+}
+
 export class Presets {
   /** @param {{onError: (error: Error) => void}} options */
   constructor({ onError }) {
@@ -41,13 +52,16 @@ export class Presets {
   /** Start a preset from rest, for everybody who watches. */
   async play(name) {
     const { scenario: of, parameters, strength = 1, sentence } = PRESETS[name];
-    const [scenarios, defaults] = await Promise.all([request("GET", "scenarios"), request("GET", "live/parameters/defaults")]);
+    const [scenarios, defaults, robots, { limits }] = await Promise.all(
+      ["scenarios", "live/parameters/defaults", "robots", "live/robot"].map((path) => request("GET", path)),
+    );
     const scenario = scenarios.find((each) => each.name === of);
+    const written = robots.find((robot) => robot.name === scenario.robot)?.limits ?? limits; // for whom its numbers are
     this.playing = null;
     await request("POST", "live/reset");
     await request("PATCH", "live/parameters", { ...defaults, ...scenario.parameters, ...parameters });
     await request("POST", "live/resume");
-    this.playing = { events: [...scenario.events], strength, last: 0 };
+    this.playing = { events: scenario.events.map((event) => scaled(event, written, limits)), strength, last: 0 };
     notify(sentence);
   }
 

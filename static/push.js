@@ -3,6 +3,7 @@
 const KEY_STEP = 15; // degrees
 const DIRECTIONS = ["forward", "forward left", "left", "back left", "back", "back right", "right", "forward right"];
 const HINT = "Aim the ring, then push";
+const FINE = 10; // N s, strongest push of a robot so light that its pushes need tenths
 const INTERVAL = 4; // s between random pushes, in the mean
 
 /** Direction on a ring, which shows the picture's directions, around the button, strength on a slider. */
@@ -28,8 +29,14 @@ export class PushDial {
     this.show();
   }
 
+  /** Take the strongest push of a robot, N s; the slider stays at the same share of it. */
   setLimit(maxImpulse) {
-    this.strength.max = maxImpulse;
+    const { strength } = this;
+    const share = strength.value / strength.max;
+    strength.step = maxImpulse < FINE ? 0.1 : 1;
+    strength.max = maxImpulse;
+    strength.min = Math.max(strength.step, Math.round(maxImpulse / 30));
+    strength.value = share * maxImpulse;
     this.show();
   }
 

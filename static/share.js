@@ -10,7 +10,9 @@ const HOLDING = ["sliders", "rest"]; // drivers whose reference stays until it i
 
 /** Copy an address with what differs from the server's own: parameters, layers, speed, a reference that is held, this view. */
 export async function copyLink(live, view) {
-  const [chosen, layers] = await Promise.all([changed("live/parameters"), changed("live/layers")]);
+  const [robot, chosen, layers] = await Promise.all(["robot", "parameters", "layers"].map((part) => changed(`live/${part}`)));
+  const name = robot.find(([key]) => key === "name");
+  if (name) chosen.unshift(["robot", name[1]]);
   for (const [key, isShown] of Object.entries(LAYERS)) {
     const names = layers.filter(([, value]) => value === isShown).map(([name]) => name);
     if (names.length) chosen.push([key, names.join(" ")]);
@@ -41,7 +43,7 @@ async function copied(text) {
 
 /** Take the view in the address, and offer to apply its other choices: by a button, because they are for everybody. */
 export async function offerLink({ onView, onPreset, presets }) {
-  const parts = [...new URLSearchParams(location.hash.slice(1))];
+  const parts = [location.search, location.hash].flatMap((text) => [...new URLSearchParams(text.slice(1))]);
   const { view, preset, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
   const forget = () => history.replaceState(null, "", location.pathname);
   if (view !== undefined) onView(view);
@@ -52,9 +54,10 @@ export async function offerLink({ onView, onPreset, presets }) {
     return;
   }
   if (!Object.keys(choices).length) return forget();
-  const { speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
+  const { robot, speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
   const apply = async () => {
     forget();
+    if (robot !== undefined) await request("PUT", "live/robot", { robot }); // the rest is of it
     if (Object.keys(parameters).length) await request("PATCH", "live/parameters", parameters);
     const layers = { ...switched(show, LAYERS.show), ...switched(hide, LAYERS.hide) };
     if (Object.keys(layers).length) await request("PATCH", "live/layers", layers);
@@ -85,9 +88,9 @@ const inWords = (pairs) => pairs.map(([name, part]) => `${name} ${part}`.replace
 
 const FILES = { html: "3-D replay", parquet: "data (Parquet)", csv: "data (CSV)", npz: "data (NumPy)", mcap: "data (MCAP, Foxglove)", json: "parameters" };
 
-/** Save the last minute of this robot as a recording, and offer the replay first. */
-export async function saveRecording() {
-  const run = await request("POST", "live/save", {});
+/** Save the last minute of this robot, or the walk that `options` name, as a recording, and offer the replay first. */
+export async function saveRecording(options = {}) {
+  const run = await request("POST", "live/save", options);
   const files = Object.entries(run.files).map(([ending, href]) => ({ text: FILES[ending] ?? ending, href, isFirst: ending === "html" }));
   files.sort((one, other) => other.isFirst - one.isFirst);
   notify(`Saved the last ${Math.round(run.duration)} s as “${run.name}”.`, { actions: files });

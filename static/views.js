@@ -16,8 +16,8 @@ export const VIEWS = {
 };
 export const DEFAULT_VIEW = "chase";
 const FIELD_OF_VIEW = 0.7; // rad, as the server sets it
-const MIDDLE = 0.9; // m, height of the middle of a robot as large as Talos
-const TALOS = 0.876; // m, height of its CoM
+const HEIGHT = 1.7; // m, of a robot that all lengths here are given for
+const MIDDLE = 0.9; // m, height of its middle
 const WIDTH = 1.3; // m that are in sight at least
 const NARROW = 560; // pixels; the bar of views and the pads leave no room beside the robot
 const BETWEEN_PADS = 0.65; // of their height: the legs may be seen between them
@@ -65,9 +65,9 @@ export class Views {
     this.choose(names[(names.indexOf(this.name) + 1) % names.length]);
   }
 
-  /** Show a robot of another size, by the height of its CoM [m]. */
-  fit(comHeight) {
-    this.scale = comHeight / TALOS;
+  /** Show a robot of another height [m]. */
+  fit(height) {
+    this.scale = height / HEIGHT;
     this.place();
   }
 

@@ -371,6 +371,7 @@ def test_documentation_lists_every_route(server):
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
     verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
     verbs += ("speed", "preview", "random-pushes", "save", "layers", "layers/defaults", "lease", "world")
+    verbs += ("robot", "robot/defaults")
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "session", "live")}
     runs = {f"/api/v1/runs{rest}" for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in RUN_FILES))}
     expected = services | runs | {f"/api/v1/live/{verb}" for verb in verbs}

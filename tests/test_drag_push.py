@@ -150,16 +150,18 @@ def test_drag_in_physics_pulls_the_held_link_by_a_spring_until_it_ends(viser_ser
     dragger.push.pull()
     assert len(runner.pushes) == 2
     push, aim = runner.pushes[-1], dragger.push.aim
+    weight = 9.81 * runner.robot.mass
+    stiffness = STIFFNESS * weight  # of a robot of size 1
     assert push.link == "arm_left_7_joint" and push.point == pytest.approx([0.0, 0.0, -0.1])
     assert push.duration == pytest.approx(0.02) and push.frame == "world"
-    assert aim.force == pytest.approx([0.0, -0.4 * STIFFNESS], abs=0.02 * STIFFNESS)  # it sways by some millimetres
+    assert aim.force == pytest.approx([0.0, -0.4 * stiffness], abs=0.02 * stiffness)  # it sways by some millimetres
     assert push.impulse == pytest.approx(aim.force * push.duration)
     assert aim.impulse == pytest.approx(sum(push.impulse for push in runner.pushes))
     assert aim.point == pytest.approx(wrist - scene.origin, abs=0.02)
     dragger.drag("update", 5.0, 0.0, at=wrist)
     runner.wait(1)
     dragger.push.pull()
-    assert np.hypot(*dragger.push.aim.force) == pytest.approx(MAX_FORCE)
+    assert np.hypot(*dragger.push.aim.force) == pytest.approx(MAX_FORCE * weight)
     dragger.drag("end", 0.4, 0.0, at=wrist)
     runner.wait(1)
     dragger.push.pull()

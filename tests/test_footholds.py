@@ -77,6 +77,22 @@ def test_legs_that_stand_apart_are_as_far_apart_as_their_soles():
     assert smallest[0] < 0.0 < smallest[1] < 0.17 - 0.124 - SAFETY_DISTANCE
 
 
+def test_legs_without_collision_shapes_are_held_apart_by_those_that_are_drawn():
+    robot = load_robot("alexander")  # whose URDF has no collision shapes
+    trial = StepFeasibility(robot)
+    assert trial.placement(np.array([0.0, robot.stance_width, 0.0])) is Feasibility.SAFE
+    assert trial.placement(np.array([0.0, 0.07, 0.0])) is Feasibility.COLLISION  # its feet are 9 cm wide
+
+
+def test_a_point_to_keep_may_lie_on_the_edge_of_what_is_allowed():
+    corners = np.random.default_rng(5).uniform(-0.3, 0.3, (40, 2))
+    corners = corners[ConvexHull(corners).vertices]
+    for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        kept = p + np.linspace(0.1, 0.9, 9)[:, None] * (q - p)
+        polygon = safe_polygon(np.vstack([corners, kept]), np.zeros((0, 2)), kept, 20)
+        assert np.all(inside(polygon, kept, 1e-4))
+
+
 def test_every_placement_tried_inside_a_polygon_was_safe(found):
     outcomes = np.array(found.outcomes)
     for region in found.regions:

@@ -52,7 +52,7 @@ def test_a_snapshot_is_encoded_once_for_all_streams_of_a_format(monkeypatch):
     encoded: list[LiveState] = []
     monkeypatch.setattr(sockets, "live_json", lambda state: encoded.append(state) or live_json(state))
     runner = Frozen()
-    streams = sockets.SnapshotStreams(runner)
+    streams = sockets.SnapshotStreams(lambda: runner.latest)
     for _ in range(20):
         text, binary = streams.latest("json"), streams.latest("msgpack")
     assert len(encoded) == 2

@@ -19,6 +19,7 @@ from app.viewer.scene.footprints import sole_outline
 from app.viewer.scene.frame import PRINTS_PER_FOOT, TRAIL_POINTS, Aim, Canvas, Frame
 from app.viewer.scene.layers import LAYERS, Layer
 from app.viewer.scene.primitives import dot_picture
+from app.viewer.scene.proportions import Proportions
 from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away, effect_of_push
 from app.viewer.scene.robot import LYING, Topple
 from app.viewer.scene.robot_mesh import BodyPart, closed
@@ -249,7 +250,7 @@ def test_last_push_is_drawn_for_a_moment_and_an_older_one_never(scene):
         assert latest(scene.updates, "visible")[arrow] is False  # given before the first frame
     pushed = steps(FRAME, push)
     draw(scene, pushed)
-    expected = arrow_away(-push.impulse, 1.35 * pushed.com_height)[:, ::-1]
+    expected = arrow_away(-push.impulse, 1.35 * pushed.com_height, Proportions.of(simulation.robot))[:, ::-1]
     assert latest(scene.updates, "points")[arrow] == pytest.approx(expected)
     for _ in range(round(SECONDS_SHOWN / FRAME_TIME) - 1):
         assert latest(scene.updates, "visible")[arrow] is True

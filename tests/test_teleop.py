@@ -24,7 +24,7 @@ def runner(monkeypatch) -> Iterator[Runner]:
 
 
 def test_client_that_was_overtaken_is_not_heard_until_it_takes_hold_anew(runner):
-    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    one, other = TeleopClient(lambda: runner, "one"), TeleopClient(lambda: runner, "other")
     one.steer(FORWARD, "joystick", engagement=1)
     assert runner.active_driver == ("joystick", "one")
     other.steer(BACK, "keyboard", engagement=7)
@@ -35,7 +35,7 @@ def test_client_that_was_overtaken_is_not_heard_until_it_takes_hold_anew(runner)
 
 
 def test_held_control_drives_again_when_nobody_else_does(runner, monkeypatch):
-    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    one, other = TeleopClient(lambda: runner, "one"), TeleopClient(lambda: runner, "other")
     one.steer(FORWARD, "joystick", engagement=1)
     with monkeypatch.context() as patch:
         patch.setattr(runner_module, "TELEOP_TIMEOUT", 0.01)
@@ -47,7 +47,7 @@ def test_held_control_drives_again_when_nobody_else_does(runner, monkeypatch):
 
 
 def test_held_control_does_not_take_the_robot_back_from_a_reference_that_is_held(runner):
-    one = TeleopClient(runner, "one")
+    one = TeleopClient(lambda: runner, "one")
     one.steer(FORWARD, "gamepad", engagement=1)
     for driver, client in (("rest", ""), ("sliders", "one")):  # the sliders of the same browser, too
         runner.drive(BACK, driver, client=client)
@@ -56,7 +56,7 @@ def test_held_control_does_not_take_the_robot_back_from_a_reference_that_is_held
 
 
 def test_message_without_an_engagement_always_takes_hold(runner):
-    one, other = TeleopClient(runner, "one"), TeleopClient(runner, "other")
+    one, other = TeleopClient(lambda: runner, "one"), TeleopClient(lambda: runner, "other")
     for _ in range(2):
         one.steer(FORWARD, "joystick", engagement=None)
         assert runner.active_driver == ("joystick", "one")
@@ -68,7 +68,7 @@ def test_client_pushes_no_stronger_than_the_limit_whoever_drives(runner, monkeyp
     pushes: list[Push] = []
     monkeypatch.setattr(runner, "push", pushes.append)
     runner.drive(BACK, "rest")
-    TeleopClient(runner, "one").push(Push([300.0, -400.0]))
+    TeleopClient(lambda: runner, "one").push(Push([300.0, -400.0]))
     assert pushes[0].impulse == pytest.approx([0.6 * runner.robot.max_push, -0.8 * runner.robot.max_push])
 
 

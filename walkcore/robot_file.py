@@ -25,12 +25,14 @@ from walkcore.values import (
 )
 
 ROBOTS = files("walkcore") / "robots"
+DEFAULT_ROBOT = "talos"
+"""Robot that walks where none is named, and from whose size an import guesses what it cannot measure."""
 REQUIRED = (
     *("name", "mass", "com_height", "stance_width", "sole", "foothold_regions", "max_foot_speed"),
     *("max_foot_yaw_rate", "max_com_distance", "max_reference", "max_push"),
 )
 OPTIONAL = ("title", "gait", "tipping_margin", "swing_moments", "body")
-TIPPING_MARGIN = 0.015  # [m], of Talos
+TIPPING_MARGIN = 0.015  # [m], of the default robot
 GAIT = (
     *("step_duration", "initial_double_support_duration", "sampling_period", "double_support_duration"),
     *("cop_margin", "swing_height"),
@@ -59,7 +61,7 @@ def robot_names() -> list[str]:
     return sorted(Path(str(entry)).stem for entry in ROBOTS.iterdir() if str(entry).endswith(".yaml"))
 
 
-def load_robot(name_or_path: str | Path) -> Robot:
+def load_robot(name_or_path: str | Path = DEFAULT_ROBOT) -> Robot:
     """A robot.
 
     Args:

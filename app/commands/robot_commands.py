@@ -3,11 +3,12 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tyro
 
 from app.settings import usable_cores
-from walkcore import load_robot, robot_names
+from walkcore import Robot, load_robot, robot_names
 from walkcore.errors import InvalidValueError
 
 
@@ -41,6 +42,16 @@ class ImportCommand:
     """Link of the right foot."""
     torso: str = ""
     """Link that is held upright; by default the heaviest that no leg moves."""
+    srdf: Path | None = None
+    """SRDF of the robot: its posture is taken instead of bent knees, and links that never collide are not checked."""
+    posture: str = "half_sitting"
+    """Name of the posture in the SRDF."""
+    picture: bool = True
+    """Whether the robot is drawn as it stands, into a PNG beside the file."""
+    footholds: bool = False
+    """Whether the regions of the feet are found by simulation, as by `walk footholds`, instead of guessed."""
+    samples: int = 3000
+    """Placements to try for the footholds."""
 
     def __call__(self) -> None:
         """Measure, write and tell."""
@@ -49,25 +60,57 @@ class ImportCommand:
         from walkcore.robot_import.findings import findings
         from walkcore.robot_import.measure import measure, robot_mapping
 
-        if not self.urdf.is_file():
-            raise InvalidValueError("urdf", str(self.urdf), "must be a file")
+        for name, file in (("urdf", self.urdf), ("srdf", self.srdf)):
+            if file is not None and not file.is_file():
+                raise InvalidValueError(name, str(file), "must be a file")
         if bool(self.left_foot) is not bool(self.right_foot):
             raise InvalidValueError(
                 "right_foot", self.right_foot, "must be given where left_foot is, and the other way"
             )
         feet = (self.left_foot, self.right_foot) if self.left_foot else ()
-        measured = measure(self.urdf, self.packages or package_folder(self.urdf), feet, self.torso)
+        progress("legs, soles and posture")
+        packages = self.packages or package_folder(self.urdf)
+        measured = measure(self.urdf, packages, feet, self.torso, self.srdf, self.posture)
         values = robot_mapping(measured, self.name or self.out.stem, self.out.parent)
         robot = robot_from_mapping(values, self.out)
+        progress("inertias, mirror images and torques")
         told = list(findings(measured, robot))
         self.out.write_text(robot_text(values, self.urdf.name), encoding="utf-8")
         for finding in told:
             print(f"note: {finding}", file=sys.stderr)
+        if self.footholds:
+            robot = self._with_footholds(values)
+        if self.picture:
+            from app.robot_picture import draw_robot
+
+            progress("picture")
+            draw_robot(robot, self.out.with_suffix(".png"))
         legs = " and ".join(measured.model.names[leg.joints[0]] for leg in measured.legs)
         print(
             f"{self.out}: {robot.mass:.1f} kg, CoM at {robot.com_height:g} m, legs from {legs}, torso {measured.torso}"
         )
         print(f"see it walk: ROBOT={self.out} make run; find where it can step: walk footholds {self.out}")
+
+    def _with_footholds(self, values: dict[str, Any]) -> Robot:
+        """The robot with regions that a study of its file finds, which go into the file."""
+        from app.footholds.foothold_files import write
+        from app.footholds.foothold_study import study
+        from app.robot_files import robot_text
+
+        progress("footholds")
+        found = study(load_robot(self.out), None, self.samples, 0, usable_cores())
+        write(found, self.out.with_name(f"{self.out.stem}-footholds"))
+        values["foothold_regions"] = [
+            {"yaw": [region.lowest_yaw, region.highest_yaw], "region": region.vertices.tolist()}
+            for region in found.regions
+        ]
+        self.out.write_text(robot_text(values, self.urdf.name, found.command), encoding="utf-8")
+        return load_robot(self.out)
+
+
+def progress(subject: str) -> None:
+    """Tell on the error stream what is looked at."""
+    print(f"... {subject}", file=sys.stderr, flush=True)
 
 
 def package_folder(urdf: Path) -> Path:

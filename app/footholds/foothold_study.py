@@ -16,6 +16,7 @@ from walkcore import Robot, load_robot
 from walkcore.errors import InvalidValueError
 from walkcore.footholds.step_feasibility import Feasibility, StepFeasibility, placement_before
 from walkcore.footholds.study import (
+    closest_placement,
     edge_placements,
     safe_regions,
     sampled_placements,
@@ -89,7 +90,8 @@ def study(
         raise InvalidValueError("samples", nb_samples, f"must be at least {FEWEST_SAMPLES}")
     height = StepFeasibility(robot, com_height).com_height  # fails here for what cannot be tried at all
     try_placement, try_pair = (partial(function, robot.source, height) for function in (_try_placement, _try_pair))
-    placements = sampled_placements(nb_samples, seed)
+    closest = closest_placement(robot)
+    placements = sampled_placements(nb_samples, seed, closest)
     with JobPool(nb_workers) as pool:
         outcomes = _outcomes(pool, try_placement, placements, "placements")
         regions = safe_regions(placements, outcomes, robot.stance_width)
@@ -98,7 +100,7 @@ def study(
             outcomes += _outcomes(pool, try_placement, edges, "edges")
             placements = np.vstack([placements, edges])
             regions = safe_regions(placements, outcomes, robot.stance_width)
-        pairs = sampled_steps(regions, round(nb_samples * SHARE_OF_STEPS), seed)
+        pairs = sampled_steps(regions, round(nb_samples * SHARE_OF_STEPS), seed, closest)
         steps = _outcomes(pool, try_pair, pairs, "steps")
         shortest = step_durations(robot.parameters)[-1]
         short = StepFeasibility(robot, height, shortest)

@@ -24,11 +24,13 @@ SERVER = psutil.Process()
 class LiveMetrics(Collector):
     """Metrics of the latest state whenever they are collected."""
 
-    def __init__(self, runner: Runner, nb_clients: Callable[[], int], frames: Callable[[], tuple[int, float]]) -> None:
+    def __init__(
+        self, runner: Callable[[], Runner], nb_clients: Callable[[], int], frames: Callable[[], tuple[int, float]]
+    ) -> None:
         """Collect from these.
 
         Args:
-            runner: of the robot.
+            runner: of the robot that walks at the moment.
             nb_clients: number of open streams.
             frames: number of frames that were drawn, and the processor time of all [s].
         """
@@ -42,7 +44,8 @@ class LiveMetrics(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """All metrics at this moment."""
-        state = self._runner.latest
+        runner = self._runner()
+        state = runner.latest
         yield from _tick_metrics(state.timing)
         yield from _walk_metrics(state)
         yield GaugeMetricFamily("walk_clients", "Open streams of the live snapshot.", self._nb_clients())
@@ -50,7 +53,7 @@ class LiveMetrics(Collector):
         yield SummaryMetricFamily(
             "walk_frame_seconds", "Processor time of a drawn frame, for all browsers.", count, seconds
         )
-        yield from _process_metrics(self._runner)
+        yield from _process_metrics(runner)
 
     def describe(self) -> list[Metric]:
         """No metrics before the first collection: the robot may not stand yet."""

@@ -19,6 +19,7 @@ from walkcore.plant.fall_watch import SIGNS
 from walkcore.plant.world import LIMITS as WORLD_LIMITS
 from walkcore.plant.world import MAX_SEED, SENSORS, World
 from walkcore.pushes import MAX_PUSHES
+from walkcore.robot_file import DEFAULT_ROBOT
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import MAX_DURATION, MAX_SOLVES
 from walkcore.state import COM, FLIGHT, FOOT, HIGHEST, KEYS, MAX_SAMPLES, OFFSET, OPTIONAL_KEYS
@@ -30,6 +31,12 @@ Json = dict[str, Any]
 def scenario_schema() -> Json:
     """The JSON schema of a scenario file."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | SCENARIO
+
+
+def request_schema() -> Json:
+    """The JSON schema of a scenario in a request, where a robot may be of the server's own folder, too."""
+    robot = _text("Name of one of `GET /api/v1/robots`.", default=DEFAULT_ROBOT)
+    return SCENARIO | {"properties": SCENARIO["properties"] | {"robot": robot}}
 
 
 def _object(description: str, required: Sequence[str] = (), /, **properties: Json) -> Json:
@@ -232,12 +239,12 @@ STATE = _object(
     plant=_optional(PLANT),
     twin={"type": ["object", "null"], "description": "State of the ideal robot beside this one, with these same keys."},
 )
-SCENARIO = {"title": "Scenario"} | _object(
+SCENARIO: Json = {"title": "Scenario"} | _object(
     "A scripted walk: a robot, its parameters, references and pushes, and bounds on its metrics.",
     ("duration",),
     name=_text("Name of the scenario.", default="unnamed"),
     description=_text("What the scenario is for.", default=""),
-    robot=_choice("Name of a robot that ships.", robot_names(), default="talos"),
+    robot=_choice("Name of a robot that ships.", robot_names(), default=DEFAULT_ROBOT),
     duration=_number("Simulated time [s].", LIMITS["control_period"][0], MAX_DURATION),
     parameters=_optional(PARAMETERS),
     world=_optional(WORLD),

@@ -9,6 +9,7 @@ behind the guards of all routes, and hands on what `app.viewer.transport.client_
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated
 from urllib.parse import urlencode
@@ -34,11 +35,11 @@ TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
 Client = Annotated[str, Query(max_length=64)]
 
 
-def scene_router(viewer: Viewer, seats: Seats) -> APIRouter:
+def scene_router(viewer: Callable[[], Viewer], seats: Seats) -> APIRouter:
     """Routes of the scene: viser's page and its websocket.
 
     Args:
-        viewer: owner of viser's server.
+        viewer: gives the owner of viser's server, which another robot changes.
         seats: one of which each open scene takes.
     """
     router = APIRouter(include_in_schema=False)
@@ -49,11 +50,11 @@ def scene_router(viewer: Viewer, seats: Seats) -> APIRouter:
 
     @router.websocket("/viewer")
     async def scene(browser: WebSocket, client: Client = "") -> None:
-        await _seat(browser, viewer, seats, f"/?{urlencode({'client': client})}")
+        await _seat(browser, viewer(), seats, f"/?{urlencode({'client': client})}")
 
     @router.websocket("/viewer/light")
     async def light_scene(browser: WebSocket, client: Client = "") -> None:
-        await _seat(browser, viewer, seats, f"{LIGHT_PATH}?{urlencode({'client': client})}")
+        await _seat(browser, viewer(), seats, f"{LIGHT_PATH}?{urlencode({'client': client})}")
 
     return router
 

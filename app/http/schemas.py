@@ -84,7 +84,8 @@ class SaveBody(Body):
 
     name: str = Field(default="", max_length=200, description="Name of the run; the time of day if it is empty.")
     before_reset: bool = Field(
-        default=False, description="Keep the walk before the last reset instead of the present one."
+        default=False,
+        description="Keep the walk before the last reset, or of the robot before, instead of the present one.",
     )
 
 
@@ -141,6 +142,12 @@ class RobotBody(BaseModel):
     limits: RobotLimits
 
 
+class LiveRobotBody(RobotBody):
+    """The robot that walks here."""
+
+    height: float = Field(description="Height of its body as it is drawn [m].")
+
+
 class Health(BaseModel):
     """Whether the walk keeps up with real time, and what it costs."""
 
@@ -164,6 +171,12 @@ class Health(BaseModel):
     runs: str = Field(
         description="What keeps runs from being kept, or was set right in their folder; empty if nothing."
     )
+
+
+class RobotChoice(Body):
+    """The robot that is to walk."""
+
+    robot: str = Field(max_length=100, description="Name of one of `GET /api/v1/robots`.")
 
 
 class LeaseRequest(Body):
@@ -207,6 +220,7 @@ def live_json(state: LiveState) -> dict[str, Any]:
     return {name: value if math.isfinite(value) else None for name, value in columns.items()} | {
         "q": None if snapshot.q is None else _finite(snapshot.q.tolist()),
         **({} if plant is None else {"q_commanded": _finite(plant.q_commanded.tolist())}),
+        "robot": state.robot,
         "plant": state.plant,
         "plant_reason": state.plant_reason,
         "world": state.world.to_mapping(),

@@ -90,7 +90,8 @@ class Control:
         self._log.begin()
         first = self._simulation.step()
         self._log.end(Command(), first)
-        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver, plant=self.parameters.plant)
+        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
+        state = replace(state, robot=self._robot.name, plant=self.parameters.plant)
         return replace(state, next_state=self._simulation.state, world=self._simulation.world)
 
     def _resumed_state(self, resumed: LiveState) -> LiveState:

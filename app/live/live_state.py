@@ -74,6 +74,8 @@ class LiveState:
     """Settings of the random pushes; None while they are off."""
     next_state: SimulationState | None = None
     """State before the coming tick, with which another control process can go on."""
+    robot: str = ""
+    """Name of the robot."""
     plant: str = "ideal"
     """Plant that the joints move: a name of `walkcore.parameters.PLANTS`."""
     plant_reason: str = ""

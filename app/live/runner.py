@@ -51,6 +51,9 @@ class Runner:
         """Begin to put the robot at rest; `latest` waits until it stands."""
         self.robot, self.defaults = robot, parameters
         self._command, self._expires_at = NO_REFERENCE, math.inf
+        self.is_first_walk = True
+        """Whether the robot has not begun anew since time passes: there is no walk before the present one."""
+        self._is_started = False
         self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
         self._changes = ParameterChanges(robot, self._supervisor)
 
@@ -94,6 +97,7 @@ class Runner:
 
     def start(self) -> None:
         """Let time pass."""
+        self._is_started = True
         self._supervisor.start()
 
     def stop(self) -> None:
@@ -176,17 +180,17 @@ class Runner:
     def choose_plant(self, choice: PlantChoice) -> Future[Parameters]:
         """Begin anew with a plant; "auto" takes contact physics where this machine keeps up with it."""
         self._command = NO_REFERENCE
-        return self._request(Control.choose_plant, choice, convert=self._take_parameters)
+        return self._begin_anew(Control.choose_plant, choice, convert=self._take_parameters)
 
     def begin(self, values: Mapping[str, Any], world: Mapping[str, Any]) -> Future[Parameters]:
         """Begin anew with some parameters changed, the plant among them, and in a changed world; fails as `change`."""
         self._command = NO_REFERENCE
-        return self._request(Control.begin, dict(values), dict(world), convert=self._take_parameters)
+        return self._begin_anew(Control.begin, dict(values), dict(world), convert=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
         self._command = NO_REFERENCE
-        return self._request(Control.reset)
+        return self._begin_anew(Control.reset)
 
     def set_speed(self, factor: float) -> Future[LiveState]:
         """Let simulated time pass `factor` times as fast as real time.
@@ -240,6 +244,17 @@ class Runner:
         self._supervisor.parameters = parameters
         return parameters
 
+    def _begin_anew(self, method: Callable[..., Any], *arguments: Any, convert: Any = None) -> Future[Any]:
+        """Request what puts the robot back to its start."""
+
+        def note(done: Future[Any]) -> None:
+            if self._is_started and not done.cancelled() and done.exception() is None:
+                self.is_first_walk = False
+
+        response = self._request(method, *arguments, convert=convert)
+        response.add_done_callback(note)
+        return response
+
     def _request(
         self,
         method: Callable[..., Any],
@@ -271,16 +286,20 @@ def _until_done(items: SimpleQueue[bytes | Future[Any]]) -> Iterator[bytes]:
 class TeleopClient:
     """The controls of one browser: its references and pushes, kept within the robot's limits."""
 
-    def __init__(self, runner: Runner, client: str) -> None:
+    def __init__(self, runner: Callable[[], Runner], client: str) -> None:
         """Begin without a hold.
 
         Args:
-            runner: of the robot.
+            runner: gives that of the robot that walks at the moment.
             client: name of the browser.
         """
-        self._runner, self._client = runner, client
+        self._get_runner, self._client = runner, client
         self._engagement = -1
         self._driver = NO_REFERENCE.driver
+
+    @property
+    def _runner(self) -> Runner:
+        return self._get_runner()
 
     def steer(self, reference: Reference, driver: str, engagement: int | None) -> None:
         """Request a velocity, which is clamped to the limits; ignored where another client has overtaken this one.
@@ -295,8 +314,8 @@ class TeleopClient:
             InvalidValueError: for what cannot be clamped.
         """
         if self._has_hold(engagement):
-            robot, self._driver = self._runner.robot, driver
-            self._runner.drive(robot.clamped_reference(reference), driver, TELEOP_TIMEOUT, self._client)
+            runner, self._driver = self._runner, driver
+            runner.drive(runner.robot.clamped_reference(reference), driver, TELEOP_TIMEOUT, self._client)
 
     def push(self, push: Push) -> None:
         """Push the robot, in the given direction and no stronger than the limit.
@@ -304,7 +323,8 @@ class TeleopClient:
         Raises:
             InvalidValueError: for what cannot be clamped.
         """
-        self._runner.push(_clamped(push, self._runner.robot.max_push))
+        runner = self._runner
+        runner.push(_clamped(push, runner.robot.max_push))
 
     def _has_hold(self, engagement: int | None) -> bool:
         if engagement is None:

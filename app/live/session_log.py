@@ -7,9 +7,11 @@ between two ticks.
 
 import math
 import pickle
+import struct
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from walkcore.values import frozen_copy
 
 KEPT = 60.0  # [s] at least, of simulated time
 TICKS_PER_SEGMENT = 10  # so few that packing them takes less than 1 ms, and that they go by one message
+LENGTH = struct.Struct("<Q")  # bytes of the segment that follows in a file
 NOTHING = frozen_copy(np.zeros((0, 2)))
 
 
@@ -102,6 +105,25 @@ class SessionLog:
         while self._full:
             self.pack()
         return [*self._packed, *([] if self._growing is None else [_packed(self._growing)])]
+
+
+def write_segments(segments: Iterable[bytes], path: Path) -> None:
+    """Write a session as `SessionLog.segments` packs it, segment by segment.
+
+    Raises:
+        OSError: if the disk does not take it.
+    """
+    with path.open("wb") as file:
+        for segment in segments:
+            file.write(LENGTH.pack(len(segment)))
+            file.write(segment)
+
+
+def read_segments(path: Path) -> Iterator[bytes]:
+    """The segments of a session in a file."""
+    with path.open("rb") as file:
+        while length := file.read(LENGTH.size):
+            yield file.read(*LENGTH.unpack(length))
 
 
 def _packed(segment: Segment) -> bytes:

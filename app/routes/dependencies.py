@@ -10,17 +10,22 @@ from starlette.requests import HTTPConnection
 
 from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
+from app.robot_switch import RobotSwitch
 from app.routes.followed_runs import FollowedRuns
 from app.runs import Run, Runs
 from app.viewer import Viewer
 
 
 async def _runner(connection: HTTPConnection) -> Runner:
-    return connection.app.state.runner
+    return connection.app.state.switch.runner
 
 
 async def _viewer(connection: HTTPConnection) -> Viewer:
-    return connection.app.state.viewer
+    return connection.app.state.switch.viewer
+
+
+async def _switch(connection: HTTPConnection) -> RobotSwitch:
+    return connection.app.state.switch
 
 
 async def _runs(connection: HTTPConnection) -> Runs:
@@ -33,6 +38,7 @@ async def _lease(connection: HTTPConnection) -> DriverLease:
 
 Lease = Annotated[DriverLease, Depends(_lease)]
 LiveRunner = Annotated[Runner, Depends(_runner)]
+LiveSwitch = Annotated[RobotSwitch, Depends(_switch)]
 LiveViewer = Annotated[Viewer, Depends(_viewer)]
 AllRuns = Annotated[Runs, Depends(_runs)]
 

@@ -10,16 +10,20 @@ from pydantic import StrictBool
 from app.http.run_schemas import RunBody, address
 from app.http.schemas import (
     ErrorBody,
+    LiveRobotBody,
     PushBody,
     RandomPushesBody,
     ReferenceBody,
+    RobotBody,
+    RobotChoice,
     SaveBody,
     SpeedBody,
     StepBody,
     live_json,
     preview_json,
+    robot_body,
 )
-from app.routes.dependencies import AllRuns, Lease, LiveRunner, LiveViewer
+from app.routes.dependencies import AllRuns, Lease, LiveRunner, LiveSwitch, LiveViewer
 from app.viewer.scene.layers import DEFAULT_LAYERS
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
@@ -31,6 +35,31 @@ router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 async def live(runner: LiveRunner) -> dict[str, Any]:
     """The latest snapshot: the columns of a recording, `q`, the plan, timing, and who drives."""
     return live_json(runner.latest)
+
+
+@router.get("/robot")
+async def robot(switch: LiveSwitch) -> LiveRobotBody:
+    """The robot that walks."""
+    walking = robot_body(switch.runner.robot).model_dump()
+    return LiveRobotBody(**walking, height=switch.viewer.scene.height)
+
+
+@router.get("/robot/defaults")
+async def first_robot(switch: LiveSwitch) -> RobotBody:
+    """The robot that the server started with."""
+    return robot_body(switch.first)
+
+
+@router.put("/robot")
+async def switch_robot(body: RobotChoice, switch: LiveSwitch) -> LiveRobotBody:
+    """Let another robot walk, for all browsers; responds once it stands, which takes some seconds.
+
+    It begins at rest with its own parameters. The walk of the one before can still be saved, as that before a reset. A
+    robot that cannot stand or be drawn is refused, and the one that walks goes on; so it does while another switch is
+    under way, with 503.
+    """
+    await asyncio.to_thread(switch.switch, body.robot)
+    return await robot(switch)
 
 
 @router.put("/reference", responses={409: {"model": ErrorBody, "description": "A browser drives alone."}})
@@ -116,12 +145,13 @@ async def speed(body: SpeedBody, runner: LiveRunner) -> dict[str, Any]:
         503: {"model": ErrorBody, "description": "The control process is gone, or too many walks are being saved."},
     },
 )
-async def save(runner: LiveRunner, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
+async def save(switch: LiveSwitch, runs: AllRuns, response: Response, body: SaveBody | None = None) -> RunBody:
     """Keep the last minute of the robot as a run that is done, with the scenario that leads to the same again."""
     requested = body or SaveBody()
     name = requested.name or f"live {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
     with runs.sessions.place():
-        run = await asyncio.to_thread(runs.add_session, runner.save(requested.before_reset), name, runner.robot)
+        session = switch.save(requested.before_reset)
+        run = await asyncio.to_thread(runs.add_session, session.segments, name, session.robot)
     response.headers["Location"] = address(run.id)
     return RunBody.model_validate(run)
 

@@ -11,7 +11,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from app.formats import FORMATS
 from app.http.guards import MAX_BODY
 from app.http.run_schemas import RunBody, RunSummary, address
-from app.http.scenario_schema import SCENARIO
+from app.http.scenario_schema import request_schema
 from app.http.schemas import ErrorBody
 from app.routes.dependencies import AllRuns, KnownRun, RoomToFollow
 from app.runs import Run, Runs
@@ -41,7 +41,7 @@ router = APIRouter(
         },
         503: BUSY | {"description": "Too many runs wait already, or the disk takes no more."},
     },
-    openapi_extra={"requestBody": {"content": {"application/json": {"schema": SCENARIO}}}},
+    openapi_extra={"requestBody": {"content": {"application/json": {"schema": request_schema()}}}},
 )
 def submit(scenario: dict[str, Any], runs: AllRuns, response: Response) -> RunBody:
     """Simulate a scenario, as `walk run` does with a file of the same content; responds at once."""

@@ -12,8 +12,8 @@ from app.http.prometheus import SERVER, memory_of
 from app.http.schemas import Health, RobotBody, Session, late_json, robot_body
 from app.http.token import role_of
 from app.live.runner import LiveState
-from app.routes.dependencies import AllRuns, LiveRunner
-from walkcore import load_robot, load_scenario, robot_names, scenario_names
+from app.routes.dependencies import AllRuns, LiveRunner, LiveSwitch
+from walkcore import load_scenario, scenario_names
 
 VERSION = version("walk")  # looking it up takes longer than all the rest of the health
 SLOW = 0.95  # real-time factor below which a walk is degraded
@@ -65,21 +65,17 @@ async def metrics(request: Request) -> Response:
 
 
 @router.get("/robots")
-async def robots(runner: LiveRunner) -> list[RobotBody]:
-    """The robots that ship and the one that walks here, with the limits of references and pushes."""
-    walking = runner.robot
-    return [robot_body(walking), *(robot for robot in _robots() if robot.name != walking.name)]
+def robots(switch: LiveSwitch) -> list[RobotBody]:
+    """The robots that may walk here, the one that does first, with the limits of references and pushes."""
+    walking = switch.runner.robot
+    robots = [walking, *(robot for robot in switch.choices.all() if robot.name != walking.name)]
+    return [robot_body(robot) for robot in robots]
 
 
 @router.get("/scenarios")
 async def scenarios() -> list[dict[str, Any]]:
     """The scenarios that ship, as `walk run` takes them."""
     return _scenarios()
-
-
-@cache
-def _robots() -> list[RobotBody]:
-    return [robot_body(load_robot(name)) for name in robot_names()]
 
 
 @cache

@@ -16,8 +16,8 @@ from app.http.refusals import field_errors, summary
 from app.http.schemas import ReferenceBody, TeleopMessage, live_json
 from app.http.turns import ReadBudget
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError, Runner, TeleopClient
-from app.routes.dependencies import Lease, LiveRunner
+from app.live.runner import LiveState, NoResponseError, TeleopClient
+from app.routes.dependencies import Lease, LiveSwitch
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
 
@@ -34,9 +34,13 @@ router = APIRouter(prefix="/api/v1/live")
 class SnapshotStreams:
     """The live snapshot for any number of streams, encoded once for all that are due at the same time."""
 
-    def __init__(self, runner: Runner) -> None:
-        """Serve the snapshots of a robot."""
-        self._runner = runner
+    def __init__(self, state: Callable[[], LiveState]) -> None:
+        """Serve the snapshots of a robot.
+
+        Args:
+            state: gives the latest one.
+        """
+        self._latest = state
         self._state: LiveState | None = None
         self._encoded: dict[Encoding, str | bytes] = {}
         self.nb_clients = 0
@@ -44,7 +48,7 @@ class SnapshotStreams:
 
     def latest(self, encoding: Encoding) -> str | bytes:
         """The latest snapshot as text in JSON, or the same keys and values in binary MessagePack."""
-        state = self._runner.latest
+        state = self._latest()
         if state is not self._state:
             self._state, self._encoded = state, {}
         if encoding not in self._encoded:
@@ -92,7 +96,7 @@ def time_to_next(rate: float) -> float:
 
 @router.websocket("/teleop")
 async def teleop(
-    socket: WebSocket, runner: LiveRunner, lease: Lease, client: Annotated[str, Query(max_length=64)] = ""
+    socket: WebSocket, switch: LiveSwitch, lease: Lease, client: Annotated[str, Query(max_length=64)] = ""
 ) -> None:
     """Take references and pushes, clamped to the robot's limits; bad messages are reported and change nothing.
 
@@ -100,7 +104,7 @@ async def teleop(
     """
     await socket.accept()
     name = client or secrets.token_hex(8)
-    teleop_client = TeleopClient(runner, name)
+    teleop_client = TeleopClient(lambda: switch.runner, name)
     with suppress(WebSocketDisconnect), lease.present(name):
         refused, budget = "", ReadBudget(MAX_RATE, BURST)
         while (message := await socket.receive())["type"] != "websocket.disconnect":

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from walkcore import robot_names
+from app.robot_choices import RobotChoices
 from walkcore.errors import InvalidValueError
 from walkcore.plain_yaml import check_size
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
@@ -28,8 +28,13 @@ class RunLimits:
     events: int = 1000
 
 
-def admitted_scenario(data: Mapping[str, Any], limits: RunLimits) -> Scenario:
+def admitted_scenario(data: Mapping[str, Any], limits: RunLimits, choices: RobotChoices | None = None) -> Scenario:
     """The scenario of a mapping, if it is one and within the limits.
+
+    Args:
+        data: its mapping, with the name of a robot.
+        limits: of a run.
+        choices: robots that it may name, by default those that ship; in the scenario stands what `load_robot` takes.
 
     Raises:
         InvalidValueError: naming the field, its value and its limit.
@@ -38,9 +43,8 @@ def admitted_scenario(data: Mapping[str, Any], limits: RunLimits) -> Scenario:
     events = data.get("events")
     if isinstance(events, list):
         _check_at_most("events", len(events), limits.events)
-    robot = data.get("robot", "talos")
-    if robot not in robot_names():  # a file on our disk would be one to the core
-        raise InvalidValueError("robot", robot, f"must be one of {', '.join(robot_names())}")
+    if "robot" in data:  # as a name: a path would be one on our disk
+        data = {**data, "robot": (choices or RobotChoices()).load(data["robot"]).source}
     scenario = scenario_from_mapping(data)
     check_range("duration", scenario.duration, 0.0, limits.duration)
     _check_at_most("ticks (duration / control_period)", scenario.nb_ticks, limits.ticks)

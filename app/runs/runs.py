@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from app.formats import FORMATS
+from app.robot_choices import RobotChoices
 from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.queue import Converter, RunQueue
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
@@ -24,7 +25,14 @@ class Runs:
     """All runs of one server. All methods may be called from any thread."""
 
     def __init__(
-        self, folder: Path, nb_workers: int, nb_queued: int, nb_kept: int, bytes_kept: int, limits: RunLimits
+        self,
+        folder: Path,
+        nb_workers: int,
+        nb_queued: int,
+        nb_kept: int,
+        bytes_kept: int,
+        limits: RunLimits,
+        choices: RobotChoices | None = None,
     ) -> None:
         """Open the data folder.
 
@@ -36,11 +44,12 @@ class Runs:
             nb_kept: ended runs that are kept; the oldest go first.
             bytes_kept: size of all files that are kept; the oldest go first, the latest never.
             limits: of one run.
+            choices: robots that a run may name; by default those that ship.
 
         Raises:
             OSError: if another server has the folder, and there can be no temporary one.
         """
-        self.limits = limits
+        self.limits, self._choices = limits, choices
         self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._store = self._open(folder)
@@ -80,12 +89,12 @@ class Runs:
             InvalidValueError: if it is no scenario, or beyond a limit.
             RunsUnavailableError: if too many wait already, or the disk takes no more.
         """
-        admitted = admitted_scenario(scenario, self.limits)
+        admitted = admitted_scenario(scenario, self.limits, self._choices)
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
                 raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
             try:
-                return self._store.add(scenario, admitted.robot.name, admitted.duration)
+                return self._store.add(admitted.source, admitted.robot.name, admitted.duration)
             finally:
                 self._queue.wake()  # to begin with it, or to try the disk again that did not take it
 

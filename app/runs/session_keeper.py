@@ -4,7 +4,6 @@ A session has 30 MB. It goes to a file as it comes from the control process, and
 server never holds it, neither for its own memory's sake nor for the time of its other threads.
 """
 
-import struct
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ from typing import Any
 from uuid import uuid4
 
 from app.jobs import JobProcess, Report
-from app.live.session_log import Session
+from app.live.session_log import Session, read_segments, write_segments
 from app.runs.run import Run, RunsUnavailableError
 from app.runs.store import RunStore
 from walkcore import Robot
@@ -23,7 +22,6 @@ NICENESS = 5  # of 19: a person waits for it, but the live walk goes before
 MAX_SAVES = 4  # sessions that may be under way: each has its file
 RETRY_AFTER = 10  # [s]
 SEGMENTS = "segments"  # file of a session that is being written
-LENGTH = struct.Struct("<Q")  # bytes of the segment that follows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,25 +44,6 @@ class WriteSession:
         recording = Session.unpacked(segments).recording(self.name, self.robot)
         recording.write(self.folder)
         return dict(recording.scenario.source), recording.scenario.duration
-
-
-def write_segments(segments: Iterable[bytes], path: Path) -> None:
-    """Write a session as `SessionLog.segments` packs it, segment by segment.
-
-    Raises:
-        OSError: if the disk does not take it.
-    """
-    with path.open("wb") as file:
-        for segment in segments:
-            file.write(LENGTH.pack(len(segment)))
-            file.write(segment)
-
-
-def read_segments(path: Path) -> Iterator[bytes]:
-    """The segments of a session in a file."""
-    with path.open("rb") as file:
-        while length := file.read(LENGTH.size):
-            yield file.read(*LENGTH.unpack(length))
 
 
 class SessionKeeper:

@@ -111,7 +111,8 @@ class Viewer:
         """Stop drawing and close viser."""
         for task in filter(None, (self._drawing, self._pulling)):
             task.cancel()
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):  # it would print that it has stopped
+            self.server.stop()
 
     async def _pull(self) -> None:
         """Let the spring of a drag that is held act, at a steady rate."""

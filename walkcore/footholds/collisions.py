@@ -3,9 +3,10 @@
 """Distances between the legs of a body.
 
 Thighs, shins with their knees, ankles and feet of one side against those of the
-other: the four links at the end of each leg, as the URDF's collision meshes. Their
-convex hulls stand for them: never smaller, the same distances where legs meet, and a
-hundred times faster to ask.
+other: the four links at the end of each leg, as the URDF's collision meshes, or as its
+visual ones where a leg has none. Their convex hulls stand for them: never smaller, the
+same distances where legs meet, and a hundred times faster to ask. Pairs that the robot's
+SRDF disables are left out.
 """
 
 from itertools import product
@@ -34,20 +35,23 @@ class LegDistances:
     """Distances between the links of the left and of the right leg. Holds scratch memory only."""
 
     def __init__(self, body: BodyModel, model: pin.Model) -> None:
-        """Load the collision meshes.
+        """Load the meshes.
 
         Args:
             body: names the URDF.
             model: built from the same URDF.
         """
-        every = pin.buildGeomFromUrdf(
-            model, str(body.urdf), pin.GeometryType.COLLISION, package_dirs=[str(body.package_folder)]
-        )
         self._model, self._data = model, model.createData()
-        self._geometry = pin.GeometryModel()
-        indices = {side: self._add_hulls(every, leg_joints(body, model, side)[-NB_LINKS:]) for side in Side}
+        for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
+            every = pin.buildGeomFromUrdf(model, str(body.urdf), kind, package_dirs=[str(body.package_folder)])
+            self._geometry = pin.GeometryModel()
+            indices = {side: self._add_hulls(every, leg_joints(body, model, side)[-NB_LINKS:]) for side in Side}
+            if all(indices.values()):
+                break
         for left, right in product(indices[Side.LEFT], indices[Side.RIGHT]):
             self._geometry.addCollisionPair(pin.CollisionPair(left, right))
+        if body.srdf is not None:
+            pin.removeCollisionPairs(model, self._geometry, str(body.srdf), False)
         self._geometry_data = pin.GeometryData(self._geometry)
         thighs = {leg_joints(body, model, side)[-NB_LINKS] for side in Side}
         self._required = np.array(
@@ -85,7 +89,9 @@ class LegDistances:
     def clearance(self, q: Vector) -> float:
         """Least distance of a pair beyond its safety distance [m]; negative where a pair is too close.
 
+        Infinite for a body whose legs have no shapes at all.
+
         Args:
             q: configuration of the body, shape (nq,).
         """
-        return float(np.min(self.distances(q) - self._required))
+        return float(np.min(self.distances(q) - self._required, initial=np.inf))

@@ -19,6 +19,7 @@ from walkcore.values import Matrix, Vector, frozen_copy
 CLEARANCE = 5e-4  # [m] from the polygon to what must stay outside: more than rounding its corners moves an edge
 NB_DIRECTIONS = 180  # of the lines tried for one cut
 DECIMALS = 4  # of the corners [m]
+ROUNDING = 1e-9  # [m] by which a corner of a hull may lie outside of it
 
 
 def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices: int) -> Matrix:
@@ -37,7 +38,7 @@ def safe_polygon(allowed: Matrix, forbidden: Matrix, kept: Matrix, max_vertices:
         corners = allowed[ConvexHull(allowed).vertices]
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"{len(allowed)} points enclose no area") from error
-    if not np.all(inside(corners, kept)):
+    if not np.all(inside(corners, kept, ROUNDING)):
         raise EmptyRegionError("a point to keep lies outside of what is allowed")
     left = forbidden[inside(corners, forbidden, CLEARANCE / 2)]
     while len(left):
@@ -143,4 +144,4 @@ def _cut(corners: Matrix, point: Vector, kept: Matrix) -> Matrix:
 def _without_cheapest_corner(corners: Matrix, kept: Matrix) -> Matrix:
     """The polygon without one corner, the one that costs least among those whose loss spares the points kept."""
     remaining = [np.delete(corners, k, axis=0) for k in range(len(corners))]
-    return max((part for part in remaining if np.all(inside(part, kept))), key=area)
+    return max((part for part in remaining if np.all(inside(part, kept, ROUNDING))), key=area)

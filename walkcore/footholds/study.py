@@ -17,10 +17,10 @@ from walkcore.errors import EmptyRegionError
 from walkcore.footholds.safe_polygon import deepest, inside, intersection, safe_polygon
 from walkcore.footholds.step_feasibility import Feasibility
 from walkcore.mpc.orientation import MAX_TOE_IN, MAX_TOE_OUT
-from walkcore.robot import FootholdRegion
+from walkcore.robot import FootholdRegion, Robot
 from walkcore.values import Matrix
 
-LOWEST, HIGHEST = (-0.56, 0.12), (0.56, 0.56)  # [m] placements tried
+LOWEST, HIGHEST = (-0.56, 0.12), (0.56, 0.56)  # [m] placements tried; closer where the soles are narrower
 YAW_BANDS = (-MAX_TOE_IN, -0.03, 0.03, 0.15, 0.30, MAX_TOE_OUT)  # [rad] edges; in the second one a robot walks straight
 MAX_VERTICES = 7  # of a polygon
 SPARE_PLACEMENTS = 8  # sampled for each step that is tried: enough of them lie in the regions
@@ -38,14 +38,24 @@ def contains(region: FootholdRegion, placements: Matrix) -> NDArray[np.bool_]:
     return is_in_band & inside(region.vertices, placements[:, :2])
 
 
-def sampled_placements(nb_samples: int, seed: int) -> Matrix:
+def closest_placement(robot: Robot) -> float:
+    """Least y of a placement that is tried [m]: parallel soles touch there, or further out for wide soles."""
+    return min(LOWEST[1], float(np.ptp(robot.sole[:, 1])))
+
+
+def sampled_placements(nb_samples: int, seed: int, closest: float = LOWEST[1]) -> Matrix:
     """Placements x, y [m], yaw [rad] of the left foot in the right foot's frame, shape (nb_samples, 3).
 
     Evenly spread over the plane, and over the bands of yaw, each of which has as many.
+
+    Args:
+        nb_samples: number of placements.
+        seed: the same seed gives the same placements.
+        closest: least y [m].
     """
     unit = qmc.Halton(3, rng=np.random.default_rng(seed)).random(nb_samples)
     yaw = np.interp(unit[:, 2], np.linspace(0.0, 1.0, len(YAW_BANDS)), YAW_BANDS)
-    return np.column_stack([qmc.scale(unit[:, :2], LOWEST, HIGHEST), yaw])
+    return np.column_stack([qmc.scale(unit[:, :2], (LOWEST[0], closest), HIGHEST), yaw])
 
 
 def safe_regions(placements: Matrix, outcomes: Sequence[Feasibility], stance_width: float) -> list[FootholdRegion]:
@@ -88,7 +98,7 @@ def edge_placements(regions: Sequence[FootholdRegion], spacing: float) -> Matrix
     return np.concatenate(placements)
 
 
-def sampled_steps(regions: Sequence[FootholdRegion], nb_samples: int, seed: int) -> Matrix:
+def sampled_steps(regions: Sequence[FootholdRegion], nb_samples: int, seed: int, closest: float = LOWEST[1]) -> Matrix:
     """Pairs of new placements within the regions, as a walk may take them in turn, shape (nb_samples, 2, 3).
 
     The first of a pair is the right foot's, mirrored.
@@ -96,7 +106,7 @@ def sampled_steps(regions: Sequence[FootholdRegion], nb_samples: int, seed: int)
     Raises:
         EmptyRegionError: if no placement lies in a region.
     """
-    placements = sampled_placements(SPARE_PLACEMENTS * nb_samples, seed + 1)
+    placements = sampled_placements(SPARE_PLACEMENTS * nb_samples, seed + 1, closest)
     placements = placements[np.any([contains(region, placements) for region in regions], axis=0)]
     if not len(placements):
         raise EmptyRegionError("no placement lies in a region")

@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,10 @@ SAME_HEIGHT = 0.02  # [m] between the ends of two legs
 LEAST_APART = 0.03  # [m] between the feet
 NB_JOINTS = 6  # of a leg that can place its foot anywhere, with any orientation
 KNEE_BEND = 0.7  # [rad]
+HALF_SITTING = "half_sitting"
+"""Usual name of the posture with bent knees in an SRDF."""
+MOST_TILT = 0.02  # [rad] of a foot in a posture to walk from
+LEAST_BEND = 0.2  # [rad] of its knees: straight ones leave no height for a step
 PARALLEL = 0.98  # cosine of the angle between two axes that count as parallel
 
 
@@ -125,6 +130,43 @@ def bent_posture(model: pin.Model, legs: tuple[Leg, Leg]) -> Vector:
     q[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -facing(model, legs)), np.zeros(3)))
     for leg in legs:
         q = _with_bent_leg(model, leg, q)
+    return q
+
+
+def named_posture(model: pin.Model, legs: tuple[Leg, Leg], srdf: Path, name: str) -> Vector:
+    """A configuration of an SRDF, facing x, shape (nq,).
+
+    Args:
+        model: of the robot.
+        legs: left and right.
+        srdf: file.
+        name: of the posture, such as half_sitting.
+
+    Raises:
+        InvalidValueError: if it is not there, or no posture to walk from, with level feet and bent knees.
+    """
+    try:
+        pin.loadReferenceConfigurations(model, str(srdf), False)
+    except (ValueError, RuntimeError) as error:
+        raise InvalidValueError("srdf", str(srdf), f"cannot be read: {' '.join(str(error).split())}") from error
+    if name not in model.referenceConfigurations:
+        names = ", ".join(sorted(entry.key() for entry in model.referenceConfigurations)) or "none is there"
+        raise InvalidValueError("posture", name, f"must be one of the SRDF: {names}")
+    straight, q = pin.neutral(model), np.array(model.referenceConfigurations[name])
+    straight[:7] = q[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -facing(model, legs)), np.zeros(3)))
+    data, level = model.createData(), model.createData()
+    pin.forwardKinematics(model, data, q)
+    pin.forwardKinematics(model, level, straight)
+    for leg in legs:
+        side, turned = leg.side.name.lower(), data.oMi[leg.foot].rotation.T @ level.oMi[leg.foot].rotation
+        tilt = float(np.linalg.norm(pin.log3(turned)))
+        if tilt > MOST_TILT:
+            raise InvalidValueError(
+                "posture", name, f"must have level feet; the {side} one is tilted by {tilt:.2f} rad"
+            )
+        knee = model.joints[leg.knee].idx_q
+        if abs(q[knee] - straight[knee]) < LEAST_BEND:
+            raise InvalidValueError("posture", name, f"must have bent knees; the {side} one is straight")
     return q
 
 

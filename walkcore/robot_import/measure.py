@@ -3,7 +3,7 @@
 """The quantities of a robot file, measured on a URDF; what cannot be measured follows from its size.
 
 Speeds go with the square root of the CoM's height (Froude number), lengths with the height, impulses with mass times
-speed, all from the values of Talos, whose regions and limits were found by simulation.
+speed, all from the values of the default robot, whose regions and limits were found by simulation.
 """
 
 import math
@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from walkcore.errors import InvalidValueError
 from walkcore.robot_file import load_robot
-from walkcore.robot_import.legs import Leg, bent_posture, find_legs
+from walkcore.robot_import.legs import HALF_SITTING, Leg, bent_posture, find_legs, named_posture
 from walkcore.robot_import.soles import Sole, common_outline, foot_geometry, sole_of
 from walkcore.values import Matrix, Vector
 
@@ -49,6 +49,10 @@ class MeasuredRobot:
     """Link that is held upright."""
     fixed_joints: tuple[str, ...]
     """Joints without torque or speed, such as those of fingers."""
+    srdf: Path | None = None
+    """SRDF that has the posture; None where the knees were bent here."""
+    posture: str = ""
+    """Name of the posture in the SRDF."""
 
     @property
     def mass(self) -> float:
@@ -71,7 +75,14 @@ class MeasuredRobot:
         return float(left[1] - right[1])
 
 
-def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "") -> MeasuredRobot:
+def measure(
+    urdf: Path,
+    packages: Path,
+    feet: Sequence[str] = (),
+    torso: str = "",
+    srdf: Path | None = None,
+    posture: str = HALF_SITTING,
+) -> MeasuredRobot:
     """Find the legs, soles and posture of a biped.
 
     Args:
@@ -79,6 +90,8 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
         packages: folder in which its `package://` addresses start.
         feet: links of the left and the right foot; by default the two lowest ends of the tree.
         torso: link to be held upright; by default the heaviest that no leg moves.
+        srdf: file with the posture; None bends the knees.
+        posture: its name there.
 
     Raises:
         InvalidValueError: if it is no biped that could walk, with what is missing.
@@ -88,7 +101,7 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
     except (ValueError, RuntimeError) as error:
         raise InvalidValueError("urdf", str(urdf), f"cannot be read: {' '.join(str(error).split())}") from error
     legs = find_legs(model, feet)
-    q = bent_posture(model, legs)
+    q = bent_posture(model, legs) if srdf is None else named_posture(model, legs, srdf, posture)
     shapes = foot_geometry(model, urdf, packages, legs)
     left, right = (sole_of(model, shapes, leg, q) for leg in legs)
     if torso and not model.existFrame(torso):
@@ -103,6 +116,8 @@ def measure(urdf: Path, packages: Path, feet: Sequence[str] = (), torso: str = "
         outline=common_outline(left, right),
         torso=torso or _torso(model, legs),
         fixed_joints=_useless_joints(model, legs),
+        srdf=srdf,
+        posture="" if srdf is None else posture,
     )
 
 
@@ -136,17 +151,17 @@ def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, An
         name: of the robot.
         folder: of the file: paths in it start there.
     """
-    talos = load_robot("talos")
+    model = load_robot()
     x, _, above = robot.com_over_foot
     height = LOWERED * float(above - robot.soles[0].height)
-    size = height / talos.com_height
+    size = height / model.com_height
     speed, width = math.sqrt(size), round(robot.feet_apart, 3)
     ahead = float(np.clip(x, *np.sort(robot.outline[:, 0])[[0, -1]] * 0.5))
     outline = np.round(robot.outline - [ahead, 0.0], DIGITS)
     margin = min(MOST_MARGIN, MARGIN * float(np.ptp(outline, axis=0).min()))
     region = [[-AHEAD, INNER], [-CORNER, OUTER], [CORNER, OUTER], [AHEAD, INNER]]
     vertices = [[px * height, py * (width if py == INNER else height)] for px, py in region]
-    duration = round(talos.parameters.step_duration * speed, 1)
+    duration = round(model.parameters.step_duration * speed, 1)
     return {
         "name": name,
         "mass": round(robot.mass, 6),
@@ -154,20 +169,20 @@ def robot_mapping(robot: MeasuredRobot, name: str, folder: Path) -> dict[str, An
         "stance_width": width,
         "sole": outline.tolist(),
         "foothold_regions": [{"yaw": [-0.09, 0.45], "region": _rounded(vertices)}],
-        "max_foot_speed": _rounded(talos.max_foot_speed * speed, 2),
-        "max_foot_yaw_rate": talos.max_foot_yaw_rate,
-        "max_com_distance": round(talos.max_com_distance * size, 3),
+        "max_foot_speed": _rounded(model.max_foot_speed * speed, 2),
+        "max_foot_yaw_rate": model.max_foot_yaw_rate,
+        "max_com_distance": round(model.max_com_distance * size, 3),
         "max_reference": {
             key: _rounded(np.array(limits) * (speed if key != "yaw_rate" else 1.0), 2)
-            for key, limits in talos.max_reference.items()
+            for key, limits in model.max_reference.items()
         },
-        "max_push": round(talos.max_push * speed * robot.mass / talos.mass, 1),
+        "max_push": round(model.max_push * speed * robot.mass / model.mass, 1),
         "tipping_margin": round(min(MOST_TIPPING_MARGIN, TIPPING * margin), 3),
         "gait": {
             "step_duration": duration,
             "initial_double_support_duration": duration,
             "cop_margin": round(margin, 3),
-            "swing_height": round(talos.parameters.swing_height * size, 3),
+            "swing_height": round(model.parameters.swing_height * size, 3),
         },
         "body": _body_mapping(robot, ahead, folder),
     }
@@ -180,12 +195,15 @@ def _body_mapping(robot: MeasuredRobot, ahead: float, folder: Path) -> dict[str,
     body: dict[str, Any] = {
         "urdf": _relative(robot.urdf, folder),
         "package_folder": _relative(robot.packages, folder),
-        "posture_angles": {
+    }
+    if robot.srdf is not None:
+        body |= {"srdf": _relative(robot.srdf, folder), "posture": robot.posture}
+    else:
+        body["posture_angles"] = {
             model.names[joint]: round(float(robot.q[model.joints[joint].idx_q]), DIGITS)
             for joint in range(2, model.njoints)
             if model.joints[joint].nq == 1 and abs(robot.q[model.joints[joint].idx_q]) > 1e-6
-        },
-    }
+        }
     for leg, sole in zip(robot.legs, robot.soles, strict=True):
         position = sole.rotation @ [ahead, 0.0, sole.height]
         frame = {"link": _link_of(model, leg.foot), "position": _rounded(position)}

@@ -52,7 +52,7 @@ def sole_of(model: pin.Model, geometry: pin.GeometryModel, leg: Leg, q: Vector) 
     name = f"{leg.side.name.lower()} foot"
     if not shapes:
         raise InvalidValueError(name, model.names[leg.foot], "must have a shape that moves with its last joint")
-    points = np.vstack([_points(shape) for shape in shapes]) @ R
+    points = np.vstack([shape_points(shape) for shape in shapes]) @ R
     lowest = float(points[:, 2].min())
     outline = _hull(points[points[:, 2] < lowest + FLAT, :2])
     length, width = (0.0, 0.0) if outline is None else np.ptp(outline, axis=0)
@@ -96,7 +96,7 @@ def foot_geometry(model: pin.Model, urdf: Path, packages: Path, legs: Iterable[L
     return collision if all(leg.foot in moved for leg in legs) else visual
 
 
-def _points(shape: pin.GeometryObject) -> Matrix:
+def shape_points(shape: pin.GeometryObject) -> Matrix:
     """Points of a shape that may touch the ground, in the frame of its joint, shape (P, 3) [m]."""
     geometry, placement = shape.geometry, shape.placement
     if isinstance(geometry, coal.BVHModelBase):

@@ -13,7 +13,7 @@ from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
 from walkcore.plant.world import PERFECT, World
 from walkcore.robot import Robot
-from walkcore.robot_file import load_robot
+from walkcore.robot_file import DEFAULT_ROBOT, load_robot
 from walkcore.scenario.events import Event, commands
 from walkcore.scenario.expectations import Expectation, expectations_from_mapping
 from walkcore.state import SimulationState, state_from_mapping
@@ -124,7 +124,7 @@ def scenario_from_mapping(data: Any) -> Scenario:
     check_keys("scenario", data, KEYS)
     for key in ("name", "description"):
         check_text(key, data.get(key, ""))
-    robot = load_robot(str(data.get("robot", "talos")))  # a value that is no name is refused as an unknown one
+    robot = load_robot(str(data.get("robot", DEFAULT_ROBOT)))  # a value that is no name is refused as an unknown one
     values = check_mapping("parameters", _given(data, "parameters", {}))
     parameters = _parameters(values, robot)
     duration = check_range("duration", data.get("duration"), parameters.control_period, MAX_DURATION)

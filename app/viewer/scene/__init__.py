@@ -3,6 +3,7 @@
 scene         nodes of one robot's scene, its ground, lights and camera
 layers        table of all layers
 frame         input of the layers: snapshot, history, what is shown
+proportions   size and mass of the robot, which the drawings follow
 robot         meshes of the robot: `robot_mesh` decimates them, `joints` moves them
 footprints    soles on the ground, past and planned
 supports      support polygon, margin, foothold regions, active bounds

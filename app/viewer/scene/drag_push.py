@@ -18,18 +18,20 @@ import viser
 from app.live.runner import NoResponseError, Runner
 from app.viewer.scene.frame import Aim
 from app.viewer.scene.link_points import LinkPoints
+from app.viewer.scene.proportions import Proportions
 from walkcore import Push, Snapshot, WalkError
 from walkcore.values import Vector
 
 logger = logging.getLogger(__name__)
 
-IMPULSE_PER_METRE = 60.0  # [N s/m] of the drag, at the depth of the body
+# Lengths of a robot of size 1; see `Proportions`.
+SPEED_PER_METRE = 0.665  # [m/s] that the impulse gives, per metre of the drag at the depth of the body
 MIN_DRAG = 0.06  # [m] from the beginning of a drag, within which it gives nothing
 MAX_DRAG = 10.0  # [m]; a client may send any
 RESOLUTION = 0.5  # [N s]
 MIN_LEVEL = 1e-3  # length on the ground of the camera's direction to the right
-STIFFNESS = 120.0  # [N/m] of the spring from the held point to the cursor
-MAX_FORCE = 150.0  # [N] of the spring
+STIFFNESS = 0.136  # weights of the robot per metre, of the spring from the held point to the cursor
+MAX_FORCE = 0.17  # weights of the robot, of the spring
 PULL_PERIOD = 0.05  # [s] from one push of the spring to the next
 MAX_PULL = 0.1  # [s] of simulated time that one push lasts
 ROUNDING = 1e-12  # by which the strongest push may not exceed its limit
@@ -55,6 +57,7 @@ class DragPush:
         """
         self._points, self._hold = points, None
         self._server, self._runner = server, runner
+        self._robot = Proportions.of(runner.robot)
         self._client: int | None = None
         self._impulse: Vector | None = None
         self._preview: Snapshot | None = None
@@ -127,7 +130,7 @@ class DragPush:
         if duration <= 0.0:
             return
         stretch = hold.cursor - self._points.in_scene(hold.link, hold.point, state.snapshot)
-        force = spring_force(stretch, hold.camera)
+        force = spring_force(stretch, hold.camera, self._robot)
         if force is None:
             hold.aim = None
             return
@@ -147,9 +150,11 @@ class DragPush:
             return None
         drag = on_ground(p_start_end, np.asarray(event.client.camera.wxyz))
         length = float(np.hypot(*drag))
-        if not length >= MIN_DRAG:  # nor where the camera's sideways is no direction on the ground
+        if not length >= self._robot.size * MIN_DRAG:  # nor where the camera's sideways is no direction on the ground
             return None
-        strength = min(IMPULSE_PER_METRE * length, self._runner.robot.max_push)
+        strength = min(
+            self._robot.impulse_per_speed * SPEED_PER_METRE * length / self._robot.size, self._runner.robot.max_push
+        )
         return (1.0 - ROUNDING) * np.floor(strength / RESOLUTION) * RESOLUTION * drag / length
 
     def request_preview(self) -> None:
@@ -192,20 +197,21 @@ class Hold:
     """The force as it is drawn; None while there is none."""
 
 
-def spring_force(stretch: Vector, camera: Vector) -> Vector | None:
+def spring_force(stretch: Vector, camera: Vector, robot: Proportions) -> Vector | None:
     """Horizontal force of a spring, world frame [N], shape (2,); None where the drag is too short or endless.
 
     Args:
         stretch: from the held point to the cursor [m], shape (3,).
         camera: orientation of the camera, a quaternion wxyz.
+        robot: that is pulled.
     """
     if not np.linalg.norm(stretch) < MAX_DRAG:
         return None
     drag = on_ground(stretch, camera)
     length = float(np.hypot(*drag))
-    if not length >= MIN_DRAG:
+    if not length >= robot.size * MIN_DRAG:
         return None
-    return min(STIFFNESS * length, MAX_FORCE) * drag / length
+    return robot.weight * min(STIFFNESS * length / robot.size, MAX_FORCE) * drag / length
 
 
 def on_ground(drag: Vector, wxyz: Vector) -> Vector:

@@ -9,9 +9,8 @@ from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore.mpc.stance import Side
 from walkcore.values import rotation
 
-HEIGHT_OF_WEIGHT = 0.6  # [m] of a bar for the robot's whole weight
-GRAVITY = 9.81  # [m/s^2] of the scale of the bars
-BESIDE = 0.13  # [m] from the middle of the sole outwards, so that the leg does not hide it
+HEIGHT_OF_WEIGHT = 0.6  # [m] of a bar for the whole weight of a robot of size 1
+BESIDE = 0.07  # [m] from the outer edge of its sole, so that the leg does not hide it
 THICKNESS = 9.0  # pixels
 RESOLUTION = 0.005  # [m]; a smaller change is not sent
 
@@ -21,7 +20,9 @@ class FootForcesDrawing:
 
     def __init__(self, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
-        self._per_newton = HEIGHT_OF_WEIGHT / (canvas.robot.mass * GRAVITY)
+        robot = canvas.proportions
+        self._per_newton = HEIGHT_OF_WEIGHT * robot.size / robot.weight
+        self._beside = float(canvas.robot.sole[:, 1].max()) + BESIDE * robot.size
         self._bars = {side: f"{canvas.root}/{side.name.lower()}" for side in Side}
         for bar in self._bars.values():
             add_lines(canvas.server, bar, FOOT_FORCE, THICKNESS)
@@ -35,6 +36,6 @@ class FootForcesDrawing:
             updates.visible(bar, height > 0.0)
             if plant is not None and height > 0.0:
                 sole = plant.measured.soles[side]
-                outwards = BESIDE if side is Side.LEFT else -BESIDE
+                outwards = side.sign * self._beside
                 updates.on_ground(bar, sole.position[:2] + rotation(sole.yaw) @ np.array([0.0, outwards]))
                 updates.properties(bar, points=np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, height)]], dtype=np.float32))

@@ -29,7 +29,7 @@ FRESH_OPACITY = 0.85
 PRINT_HEIGHT, PLAN_HEIGHT = 0.002, 0.004  # [m]
 MARK_HEIGHT, RING_HEIGHT = 0.003, 0.012  # [m]
 MARK_THICKNESS, RING_THICKNESS = 3.0, 3.0  # pixels
-RING_RADIUS, RING_SPEED = 0.15, 0.4  # [m] around the foothold at touchdown, [m/s] at which the ring shrinks to that
+RING_RADIUS, RING_SPEED = 0.15, 0.4  # [m] around a foothold of size 1 at touchdown, [m/s] at which the ring shrinks
 RING_CORNERS = 32
 GREYS = {Side.LEFT: LEFT_FOOT, Side.RIGHT: RIGHT_FOOT}
 
@@ -105,7 +105,7 @@ class PlannedFootholds:
         """Make the nodes once, invisible."""
         styles = {side: PolygonStyle(grey, PLAN_HEIGHT, opacity=0.34, thickness=4.0) for side, grey in GREYS.items()}
         self._marks = FootholdMarks(canvas, canvas.root, styles)
-        self._frame = f"{canvas.root}/ring"
+        self._frame, self._size = f"{canvas.root}/ring", canvas.proportions.size
         canvas.server.scene.add_frame(self._frame, show_axes=False, visible=False)
         self._rings = {False: f"{self._frame}/usual", True: f"{self._frame}/shortened"}
         for is_short, ring in self._rings.items():
@@ -124,14 +124,17 @@ class PlannedFootholds:
         for is_of_short, ring in self._rings.items():
             updates.visible(ring, is_of_short == is_short)
         if frame.has_lines:
-            updates.properties(self._rings[is_short], points=countdown_ring(frame.snapshot.time_to_touchdown))
+            updates.properties(
+                self._rings[is_short], points=countdown_ring(frame.snapshot.time_to_touchdown, self._size)
+            )
 
 
-def countdown_ring(time_to_touchdown: float) -> Points:
+def countdown_ring(time_to_touchdown: float, size: float) -> Points:
     """Ring around a foothold that shrinks until the touchdown, as segments [m], shape (RING_CORNERS, 2, 3).
 
     Args:
         time_to_touchdown: [s].
+        size: of the robot; see `Proportions`.
     """
-    corners, _ = disc(round(RING_RADIUS + RING_SPEED * time_to_touchdown, 3), RING_CORNERS)
+    corners, _ = disc(round(size * (RING_RADIUS + RING_SPEED * time_to_touchdown), 3), RING_CORNERS)
     return outline(raised(corners[:, :2], RING_HEIGHT))

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import viser
 
+from app.viewer.scene.proportions import Proportions
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.gait import Phase
@@ -50,6 +51,11 @@ class Canvas:
     """Meshes of all layers that can be dragged to push the robot; a drawing adds its own."""
     links: dict[str, str]
     """Joint that moves each such mesh, by the path of its node; a drawing adds its own."""
+
+    @property
+    def proportions(self) -> Proportions:
+        """Size and mass of the robot, which what is drawn follows."""
+        return Proportions.of(self.robot)
 
 
 @dataclass(frozen=True, slots=True)

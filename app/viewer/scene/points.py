@@ -25,7 +25,7 @@ from walkcore.mpc.regions import nearest_within
 from walkcore.values import Matrix, Vector
 
 TRAIL_HEIGHT, PREVIEW_HEIGHT = 0.007, 0.008  # [m]
-BALL_RADIUS = 0.045  # [m]
+BALL_RADIUS = 0.045  # [m] of a robot of size 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class PointStyle:
     colour: Colour
     line: Colour
     radius: float
-    """[m]."""
+    """Of a robot of size 1 [m]."""
     height: float
     """Height of the dot [m], so that none hides another."""
     hole: float = 0.0
@@ -96,7 +96,7 @@ class PointDrawing:
         """Make the nodes once, invisible."""
         self._style, self._dot, self._frame = style, f"{canvas.root}/dot", f"{canvas.root}/at_com"
         self._trail, self._preview = f"{self._frame}/trail", f"{self._frame}/preview"
-        add_dot(canvas.server, self._dot, style.colour, style.radius, style.hole)
+        add_dot(canvas.server, self._dot, style.colour, canvas.proportions.size * style.radius, style.hole)
         canvas.server.scene.add_frame(self._frame, show_axes=False)
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
         colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
@@ -145,7 +145,8 @@ class CentreOfMassDrawing:
         self._mass = f"{canvas.root}/mass"
         self._ball, self._plumb_line = f"{self._mass}/ball", f"{self._mass}/plumb_line"
         canvas.server.scene.add_frame(self._mass, show_axes=False)
-        canvas.server.scene.add_icosphere(self._ball, radius=BALL_RADIUS, color=COM, cast_shadow=False)
+        radius = BALL_RADIUS * canvas.proportions.size
+        canvas.server.scene.add_icosphere(self._ball, radius=radius, color=COM, cast_shadow=False)
         add_lines(canvas.server, self._plumb_line, COM, 1.5, visible=True)
         self._height = np.nan
 

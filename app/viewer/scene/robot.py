@@ -13,7 +13,7 @@ from app.viewer.scene.footprints import GREYS, sole_outline
 from app.viewer.scene.frame import Canvas, Drawing, Frame
 from app.viewer.scene.joints import joint_of
 from app.viewer.scene.primitives import plate
-from app.viewer.scene.robot_mesh import body_parts
+from app.viewer.scene.robot_mesh import body_parts, drawn_height
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
 from walkcore.motion.body_model import load_model
@@ -46,6 +46,8 @@ class BodyDrawing:
         self._has_fallen = self._is_translucent = False
         self._topple = Topple(canvas.root)
         parts = body_parts(body, model, canvas.quality.face_ratio)
+        self.height = drawn_height(parts, model, model.referenceConfigurations["posture"])
+        """From the lowest point to the highest one in its posture [m]."""
         nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):

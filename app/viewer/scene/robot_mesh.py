@@ -1,7 +1,7 @@
 """Visual meshes of a robot's URDF, decimated, one for each moving joint and colour."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from app.drawing.palette import DEFAULT_MATERIAL, MATERIALS, Colour
 from walkcore.robot import BodyModel
+from walkcore.values import Vector
 
 CREASE = np.radians(35.0)  # edges sharper than this stay sharp under smooth shading
 AGGRESSION = 4  # of the decimation: slower to give up a shape than the library's own 7
@@ -67,6 +68,15 @@ def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[Bod
         _part(joint, colour, [_decimated(mesh, max(fewest, faces_per_area * mesh.area)) for mesh in group])
         for (joint, colour), group in pieces.items()
     ]
+
+
+def drawn_height(parts: Sequence[BodyPart], model: pin.Model, q: Vector) -> float:
+    """Height of the highest point of all parts above the lowest one, in a configuration of shape (nq,) [m]."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    places = [data.oMi[part.joint] for part in parts]
+    heights = [part.vertices @ at.rotation[2] + at.translation[2] for part, at in zip(parts, places, strict=True)]
+    return float(np.ptp(np.concatenate(heights)))
 
 
 def _colour(material: yourdfpy.Material | None, colours: Mapping[str | None, yourdfpy.Color]) -> Colour:

@@ -13,6 +13,8 @@ from app.drawing.palette import GRID_CELL, GRID_SECTION, GROUND
 from app.viewer.scene.frame import FRAMES_PER_LINE, Aim, Canvas, Drawing, Frame, History, RenderQuality
 from app.viewer.scene.layers import LAYERS
 from app.viewer.scene.points import body_com
+from app.viewer.scene.proportions import Proportions
+from app.viewer.scene.robot import BodyDrawing
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.plant.world import PERFECT, World
@@ -24,8 +26,9 @@ GRID_HEIGHT = 0.001  # [m]; at exactly zero the grid can vanish
 GRID_SIZE, SECTION, CELL = 40.0, 1.0, 0.25  # [m]
 FOLLOW_TIME = 0.6  # [s] in which the camera follows: slow enough not to sway with the robot
 MAX_DISTANCE = 1.0  # [m] from the middle to the robot; beyond it the robot was reset, and the camera jumps
-CAMERA_POSITION, CAMERA_TARGET = (-2.9, 1.2, 2.1), (0.2, 0.0, 0.7)  # [m], relative to the robot on the ground
+CAMERA_POSITION, CAMERA_TARGET = (-2.9, 1.2, 2.1), (0.2, 0.0, 0.7)  # [m], relative to a robot of size 1 on the ground
 FIELD_OF_VIEW = 0.70  # [rad]
+TALLNESS = 2.0  # heights of the CoM
 
 
 class Scene:
@@ -60,8 +63,13 @@ class Scene:
             server.scene.add_frame(root, show_axes=False, visible=layer.is_on)
             if layer.draw is not None:
                 self.drawings[name] = layer.draw(Canvas(server, root, robot, quality, self.draggable, self.links))
+        body = self.drawings["robot"]
+        self.height = body.height if isinstance(body, BodyDrawing) else TALLNESS * robot.com_height
+        """Height of the robot as it is drawn; of a point mass, as a body would be [m]."""
         camera = server.initial_camera
-        camera.position, camera.look_at, camera.fov = CAMERA_POSITION, CAMERA_TARGET, FIELD_OF_VIEW
+        size = Proportions.of(robot).size
+        camera.position, camera.look_at = size * np.array(CAMERA_POSITION), size * np.array(CAMERA_TARGET)
+        camera.fov = FIELD_OF_VIEW
 
     @property
     def origin(self) -> Vector:

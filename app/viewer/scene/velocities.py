@@ -10,7 +10,7 @@ from walkcore import Reference
 from walkcore.values import Vector
 
 SECONDS_AHEAD = 1.5  # an arrow ends where its velocity leads in this time
-START = 0.25  # [m] from the CoM to the start of an arrow
+START = 0.25  # [m] from the CoM to the start of an arrow, of a robot of size 1
 MIN_SPEED = 0.02  # [m/s] that is drawn
 
 
@@ -18,10 +18,11 @@ class VelocityArrow:
     """Arrow on the ground in a frame that moves with the CoM."""
 
     def __init__(self, canvas: Canvas, colour: Colour, radius: float, height: float) -> None:
-        """Make the nodes once, invisible; radius of the shaft and height above the ground [m]."""
+        """Make the nodes once, invisible; radius of the shaft for a robot of size 1 and height above the ground [m]."""
+        self._size = canvas.proportions.size
         self._frame, self._arrow, self._height = f"{canvas.root}/at_com", f"{canvas.root}/at_com/arrow", height
         canvas.server.scene.add_frame(self._frame, show_axes=False)
-        add_arrow(canvas.server, self._arrow, colour, radius)
+        add_arrow(canvas.server, self._arrow, colour, self._size * radius)
 
     def place(self, updates: SceneUpdates, com: Vector, yaw: float | None = None) -> None:
         """Move the frame to the CoM [m], shape (2,), turned by a yaw [rad]."""
@@ -32,7 +33,7 @@ class VelocityArrow:
         speed = float(np.hypot(*velocity))
         updates.visible(self._arrow, speed > MIN_SPEED)
         if speed > MIN_SPEED:
-            tail = START * velocity / speed
+            tail = self._size * START * velocity / speed
             points = raised([tail, tail + SECONDS_AHEAD * velocity], self._height)
             updates.properties(self._arrow, points=points[None])
 
