@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from app.drawing import palette
 from app.drawing.axes import STYLE, ink
+from walkcore.motion.shapes import urdf_shapes
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.stance import Side, sole_vertices
@@ -92,7 +93,7 @@ def draw_robot(robot: Robot, path: Path) -> None:
 def _links(body: BodyModel, model: Any, data: Any) -> list[Matrix]:
     """Points of the shapes of each link in the world, those that are drawn, or those of collisions, (P, 3) [m] each."""
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
-        shapes = pin.buildGeomFromUrdf(model, str(body.urdf), kind, package_dirs=[str(body.package_folder)])
+        shapes = urdf_shapes(model, body.urdf, body.package_folder, kind)
         places = [(data.oMi[shape.parentJoint], shape_points(shape)) for shape in shapes.geometryObjects]
         if places:
             return [points @ place.rotation.T + place.translation for place, points in places]

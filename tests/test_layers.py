@@ -20,7 +20,7 @@ CORE = """
     mpc.viability
     mpc.supports mpc.constraints mpc.walking_qp mpc.balance_sets
     mpc.plan mpc.pattern_generator mpc.touchdowns mpc.step_timing
-    motion.swing_foot motion.dynamic_filter motion.body_model motion.whole_body
+    motion.swing_foot motion.dynamic_filter motion.body_model motion.shapes motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant
     plant.driver_state plant.driver

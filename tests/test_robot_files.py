@@ -6,9 +6,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
+from app.live.plant_choice import suitable_plant
+from app.viewer.scene.robot_mesh import body_parts, drawn_height
 from walkcore import Command, Reference, Simulation, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.motion.body_model import load_model
@@ -106,8 +109,6 @@ def test_joints_that_are_held_fast_keep_their_angle_and_leave_the_configuration(
     places = []
     for model in models:
         data = model.createData()
-        import pinocchio as pin  # noqa: PLC0415
-
         pin.framesForwardKinematics(model, data, model.referenceConfigurations["posture"])
         places.append(data.oMf[model.getFrameId("left_wrist_yaw_link")].translation.copy())
     assert np.allclose(*places, atol=1e-12)
@@ -202,6 +203,37 @@ def test_a_robot_that_faces_backward_is_turned_around(tmp_path):
         assert snapshot.status == 0, snapshot.reason
     assert snapshot.com.position[0] > 0.03
     assert np.max(np.abs(snapshot.q[7:] - walk.body.posture[7:])) < 0.8  # no leg is twisted
+
+
+def test_a_body_that_physics_does_not_know_is_refused_with_its_reason(tmp_path):
+    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
+    _, robot = imported(tmp_path, robots_of_the_wheel() / "icub_description/robots/icub.urdf")
+    with pytest.raises(InvalidValueError, match="inertia must have positive eigenvalues.*r_hip_pitch"):
+        Simulation(robot, robot.parameters.changed({"plant": "mujoco"}))
+    assert suitable_plant(robot, robot.parameters, "auto")[1].startswith("the ideal model: robot.body.urdf")
+
+
+def test_meshes_of_collada_files_with_y_up_are_turned_as_the_urdf_means_them(tmp_path):
+    _, robot = imported(tmp_path, robots_of_the_wheel() / "icub_description/robots/icub.urdf")
+    length, width = np.ptp(robot.sole, axis=0)
+    assert length > 2.0 * width, "iCub's soles are longer than wide"
+    model = load_model(robot.body)
+    parts = body_parts(robot.body, model, 1.0)
+    assert 0.95 < drawn_height(parts, model, model.referenceConfigurations["posture"]) < 1.05  # m, its size
+    feet = [
+        part for part in parts if part.joint == model.frames[model.getFrameId(robot.body.sole(Side.LEFT))].parentJoint
+    ]
+    lowest = min(np.min(drawn_in(model, part)[:, 2]) for part in feet)
+    assert abs(lowest - np.min(np.vstack([drawn_in(model, part) for part in parts])[:, 2])) < 2e-3, (
+        "it stands on its feet"
+    )
+
+
+def drawn_in(model, part):
+    """Vertices of a part in the world, in the posture of the model [m], shape (V, 3)."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, model.referenceConfigurations["posture"])
+    return part.vertices @ data.oMi[part.joint].rotation.T + data.oMi[part.joint].translation
 
 
 def test_the_legs_may_be_named():

@@ -169,7 +169,7 @@ def spare_light_clients(server: viser.ViserServer, clients: ClientRegistry) -> N
     """Give each client that renders in software a sun without shadows instead of the one of all."""
 
     @server.on_client_connect
-    def _(client: viser.ClientHandle) -> None:
+    async def _(client: viser.ClientHandle) -> None:  # async: in viser's loop, whose buffers belong to one thread
         if clients.is_light(client):
             add_key_light(client.scene, has_shadows=False)
 

@@ -15,6 +15,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from walkcore.motion.shapes import urdf_shapes
 from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
@@ -43,7 +44,7 @@ class LegDistances:
         """
         self._model, self._data = model, model.createData()
         for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
-            every = pin.buildGeomFromUrdf(model, str(body.urdf), kind, package_dirs=[str(body.package_folder)])
+            every = urdf_shapes(model, body.urdf, body.package_folder, kind)
             self._geometry = pin.GeometryModel()
             indices = {side: self._add_hulls(every, leg_joints(body, model, side)[-NB_LINKS:]) for side in Side}
             if all(indices.values()):

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from walkcore.errors import InvalidValueError
 from walkcore.mpc.stance import Side, mirrored
 from walkcore.plant.world import STRIP_SPACING, STRIP_WIDTH, World
 from walkcore.robot import Robot
@@ -62,6 +63,9 @@ def build(robot: Robot, pinocchio: pin.Model, world: World, gravity: float) -> M
         pinocchio: model of that body, with its free flyer.
         world: the ground, and what the robot carries.
         gravity: magnitude of its acceleration [m/s^2].
+
+    Raises:
+        InvalidValueError: if a body is none that physics knows, such as for its inertia.
     """
     assert robot.body is not None
     spec = mujoco.MjSpec()
@@ -91,7 +95,11 @@ def build(robot: Robot, pinocchio: pin.Model, world: World, gravity: float) -> M
         actuator.forcelimited = True
     torso = _torso(robot, pinocchio)
     bodies[torso].mass += world.payload
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:  # such as an inertia that no body has
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise InvalidValueError("robot.body.urdf", robot.name, f"cannot be simulated in physics: {reason}") from error
     return MujocoModel(
         model=model,
         servos=np.array([[gains[joint].kp, gains[joint].kd] for joint in range(2, pinocchio.njoints)]),

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from shapely.geometry import Polygon
 
 from walkcore.errors import InvalidValueError
+from walkcore.motion.shapes import urdf_shapes
 from walkcore.robot_import.legs import Leg
 from walkcore.values import Matrix, Vector
 
@@ -87,7 +88,7 @@ def foot_geometry(model: pin.Model, urdf: Path, packages: Path, legs: Iterable[L
     """
     kinds = (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL)
     try:
-        shapes = [pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=[str(packages)]) for kind in kinds]
+        shapes = [urdf_shapes(model, urdf, packages, kind) for kind in kinds]
     except (ValueError, RuntimeError) as error:
         limit = f"a mesh cannot be read: {error}; --packages names the folder where package:// addresses start"
         raise InvalidValueError("urdf", urdf.name, limit) from error

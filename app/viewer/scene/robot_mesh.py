@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports] (its wheel is found through a .pth file)
@@ -12,6 +13,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from app.drawing.palette import DEFAULT_MATERIAL, MATERIALS, Colour
+from walkcore.motion.shapes import turned_up
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
 
@@ -94,9 +96,13 @@ def _colour(material: yourdfpy.Material | None, colours: Mapping[str | None, you
 
 def _mesh(geometry: yourdfpy.Geometry, find_mesh: partial[str]) -> trimesh.Trimesh:
     if geometry.mesh is not None:
-        mesh = trimesh.load_mesh(find_mesh(geometry.mesh.filename))
+        path = find_mesh(geometry.mesh.filename)
+        mesh = trimesh.load_mesh(path)
         if geometry.mesh.scale is not None:
             mesh.apply_scale(geometry.mesh.scale)  # trimesh turns the faces of a mirrored mesh around
+        turned = np.eye(4)
+        turned[:3, :3] = turned_up(Path(path))
+        mesh.apply_transform(turned)
         return mesh
     if geometry.box is not None:
         return trimesh.creation.box(geometry.box.size)
