@@ -30,8 +30,9 @@ from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
 from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
+from app.live.past import PastTicks
 from app.live.runner import NoResponseError, Runner
-from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
@@ -127,7 +128,7 @@ def create_app(settings: Settings) -> FastAPI:
         favicon_url="/static/icon.svg",
     )
     app.state.runner, app.state.viewer, app.state.runs, app.state.streams = runner, viewer, runs, streams
-    app.state.lease = lease
+    app.state.lease, app.state.past = lease, PastTicks(runner)
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
         runner, lambda: streams.nb_clients, lambda: (viewer.cost.count, viewer.cost.seconds)
@@ -145,7 +146,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
     app.add_middleware(EndingMiddleware)
-    for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
+    for routes in (live_robot, timeline, driver_lease, sockets, scripted_runs, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
     app.include_router(scene_router(viewer, seats))

@@ -139,6 +139,8 @@ class Frame:
     aim: Aim | None = None
     world: World = PERFECT
     """World that the robot walks in."""
+    was: Snapshot | None = None
+    """The walk that was, where this one went on from one of its ticks."""
 
 
 class Drawing(Protocol):

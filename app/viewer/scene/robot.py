@@ -13,7 +13,7 @@ from app.viewer.scene.footprints import GREYS, sole_outline
 from app.viewer.scene.frame import Canvas, Drawing, Frame
 from app.viewer.scene.joints import joint_of
 from app.viewer.scene.primitives import plate
-from app.viewer.scene.robot_mesh import body_parts
+from app.viewer.scene.robot_mesh import shared_parts
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
 from walkcore.motion.body_model import load_model
@@ -43,9 +43,10 @@ class BodyDrawing:
         """Load and send the meshes once."""
         model = load_model(body)
         self._colours: dict[str, Colour] = {}
-        self._has_fallen = self._is_translucent = False
+        self._has_fallen: bool | None = None
+        self._is_translucent: bool | None = None  # not known before the first frame, which sends both
         self._topple = Topple(canvas.root)
-        parts = body_parts(body, model, canvas.quality.face_ratio)
+        parts = shared_parts(body, canvas.quality.face_ratio)
         nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):
@@ -123,7 +124,7 @@ class Topple:
 
     def __init__(self, root: str) -> None:
         """Let the node fall that carries the body; its frame is the world's."""
-        self._root, self._angle, self._rate = root, 0.0, 0.0
+        self._root, self._angle, self._rate = root, FIRST_TILT, 0.0  # so that the first frame puts it upright
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Let the body of a robot that has fallen go on falling, and put any other one upright."""

@@ -5,6 +5,7 @@ robot while the user's orbit of it stays free.
 """
 
 import math
+from collections.abc import Set
 
 import numpy as np
 import viser
@@ -79,6 +80,11 @@ class Scene:
         (self.shown.add if is_visible else self.shown.discard)(layer)
         self.updates.visible(f"{WORLD}/{layer}", is_visible)
 
+    def show_all_of(self, shown: Set[str]) -> None:
+        """Show these layers, and hide the others."""
+        for layer in LAYERS:
+            self.show(layer, layer in shown)
+
     def draw(
         self,
         snapshot: Snapshot,
@@ -86,6 +92,7 @@ class Scene:
         elapsed: float,
         aim: Aim | None = None,
         world: World = PERFECT,
+        was: Snapshot | None = None,
     ) -> None:
         """Collect what a snapshot changes in `updates`.
 
@@ -95,13 +102,14 @@ class Scene:
             elapsed: real time since the last call [s].
             aim: push that somebody is aiming.
             world: that the robot walks in.
+            was: the walk that was at this tick, where this one went on from one of its ticks.
         """
         self._nb_frames += 1
         has_lines = self._nb_frames % FRAMES_PER_LINE == 0
         self._history.add(snapshot, parameters, is_on_trail=has_lines)
         self._slope = world.slope
         self._scroll(snapshot, elapsed)
-        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world)
+        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world, was)
         for name, drawing in self.drawings.items():
             if name in self.shown:
                 drawing.update(self.updates, frame)
