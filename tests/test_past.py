@@ -1,13 +1,17 @@
 """Earlier ticks of the live walk by REST and in one browser's scene, while the others go on seeing the present."""
 
 import json
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import httpx
+import msgspec
 import numpy as np
 import pytest
 from conftest import Server, serving, wait_for
-from scene_reader import latest
+from scene_reader import decoded, latest
+from test_transport import CAMERA
 from websockets.sync.client import connect
 
 from app.live.session_log import Session, SessionLog
@@ -148,6 +152,36 @@ def test_the_scene_of_the_past_changes_all_that_the_live_one_changes(viser_serve
         assert missing == set(), field
     look.leave()
     assert look.updates is None
+
+
+@pytest.mark.parametrize("page", ["me", "another"])
+def test_the_scene_of_the_page_that_looks_is_sent_the_past_and_no_other(server, walk, page):
+    """The world moves back below a robot that walks on: where it is in the scene tells which tick is shown."""
+
+    def is_shown(socket, x: float) -> bool:
+        """Whether the world comes to lie so far behind the robot's start [m]."""
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end:
+            with suppress(TimeoutError):
+                for message in decoded(socket.recv(0.1, decode=False)):
+                    if message.get("name") == "/w" and "position" in message:
+                        places.append(-message["position"][0])
+        return abs(places[-1] - x) < 0.03
+
+    places: list[float] = []
+    now, past = walk.get("live").json()["com_x"], walk.get("live/timeline/40").json()["com_x"]
+    assert now - past > 0.2
+    address = f"ws://{server.host}/viewer?client={page}"
+    with (
+        connect(address, subprotocols=["viser-v1.1.1"], max_size=None, origin=server.url.rstrip("/")) as scene,
+        connect(server.socket_url("look?client=me")) as look,
+    ):
+        scene.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))  # only then viser counts it as a client
+        assert is_shown(scene, now)
+        look.send(json.dumps({"tick": 40}))
+        assert is_shown(scene, past if page == "me" else now)
+        look.send(json.dumps({"tick": None}))
+        assert is_shown(scene, now)
 
 
 def test_nodes_that_exist_take_everything():

@@ -21,8 +21,8 @@ from walkcore.values import MAX_TICK
 MAX_MESSAGE = 200  # characters
 MAX_RATE, BURST = 60.0, 20  # messages that are read a second, and at once
 TRY_AGAIN_LATER = 1013
-REST = 0.25  # [s] without another tick, after which the plots are drawn anew
-PLOTTED, NB_POINTS = 8.0, 100  # [s] before a tick that are plotted, and by how many points
+REST = 0.25  # [s] without another tick, after which footsteps and plots are drawn anew
+PLOTTED, NB_POINTS = 8.0, 100  # [s] before a tick that are drawn, and by how many snapshots
 
 router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 
@@ -74,19 +74,19 @@ async def look(
     await socket.accept()
     try:
         with viewer.past_look(client) as shown:
-            plotting: asyncio.Task[None] | None = None
+            remembering: asyncio.Task[None] | None = None
             budget = ReadBudget(MAX_RATE, BURST)
             try:
                 while True:
                     text = await socket.receive_text()
-                    if plotting is not None:
-                        plotting.cancel()
+                    if remembering is not None:
+                        remembering.cancel()
                     tick = await _look(text, socket, runner, past, shown)
-                    plotting = None if tick is None else asyncio.create_task(_plot(tick, runner, past, shown))
+                    remembering = None if tick is None else asyncio.create_task(_remember(tick, runner, past, shown))
                     await asyncio.sleep(budget.take(time.monotonic()))
             finally:
-                if plotting is not None:
-                    plotting.cancel()
+                if remembering is not None:
+                    remembering.cancel()
     except TooManyLooksError as refusal:
         await socket.close(TRY_AGAIN_LATER, str(refusal))
     except WebSocketDisconnect:
@@ -112,9 +112,9 @@ async def _look(text: str, socket: WebSocket, runner: LiveRunner, past: Past, sh
     return None
 
 
-async def _plot(tick: int, runner: LiveRunner, past: Past, shown: PastLook) -> None:
-    """Plot what was before a tick at which a browser rests."""
+async def _remember(tick: int, runner: LiveRunner, past: Past, shown: PastLook) -> None:
+    """Draw what was before a tick at which a browser rests."""
     await asyncio.sleep(REST)
     nb_ticks = round(PLOTTED / runner.parameters.control_period)
     with suppress(WalkError, NoResponseError):
-        shown.plot(await past.before(tick, nb_ticks, max(nb_ticks // NB_POINTS, 1)))
+        shown.remember(await past.before(tick, nb_ticks, max(nb_ticks // NB_POINTS, 1)))

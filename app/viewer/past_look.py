@@ -62,8 +62,8 @@ class PastLook:
         """Show the present again."""
         self._shown = None
 
-    def plot(self, before: Sequence[Snapshot]) -> None:
-        """Plot what was before the tick; may be called from any thread."""
+    def remember(self, before: Sequence[Snapshot]) -> None:
+        """Draw footsteps, trails and plots of the time before the tick; may be called from any thread."""
         self._before = before
 
     @property
@@ -82,11 +82,12 @@ class PastLook:
         if self._shown is None:
             return
         snapshot, parameters, world = self._shown
+        before, self._before = self._before, None
+        if before is not None and before[-1].tick <= snapshot.tick:  # else it is for a tick shown before
+            self._plotted.replace(before)
+            self._scene.remember(before, parameters)
         self._scene.show_all_of(shown)
         self._scene.draw(snapshot, parameters, elapsed, world=world)
-        before, self._before = self._before, None
-        if before is not None:
-            self._plotted.replace(before)
         self._plotted.record(snapshot, float("nan"))
         self._frame += 1
         if self._frame % FRAMES_PER_PLOT == 0:

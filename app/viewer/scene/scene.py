@@ -5,7 +5,7 @@ robot while the user's orbit of it stays free.
 """
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 import numpy as np
 import viser
@@ -84,6 +84,12 @@ class Scene:
         """Show these layers, and hide the others."""
         for layer in LAYERS:
             self.show(layer, layer in shown)
+
+    def remember(self, before: Sequence[Snapshot], parameters: Parameters) -> None:
+        """Take these snapshots, in the order of time, for the past of the next one that is drawn."""
+        self._history.clear()
+        for snapshot in before:
+            self._history.add(snapshot, parameters, is_on_trail=True)
 
     def draw(
         self,
