@@ -29,9 +29,10 @@ from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
 from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
 from app.live.driver_lease import DriverLease
+from app.live.past import PastTicks
 from app.robot_choices import RobotChoices
 from app.robot_switch import RobotSwitch
-from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
@@ -115,6 +116,7 @@ def create_app(settings: Settings) -> FastAPI:
         favicon_url="/static/icon.svg",
     )
     app.state.switch, app.state.runs, app.state.streams, app.state.lease = switch, runs, streams, lease
+    app.state.past = PastTicks(lambda: switch.runner)
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
         lambda: switch.runner,
@@ -134,7 +136,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
     app.add_middleware(EndingMiddleware)
-    for routes in (live_robot, driver_lease, sockets, scripted_runs, service):
+    for routes in (live_robot, timeline, driver_lease, sockets, scripted_runs, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
     app.include_router(scene_router(lambda: switch.viewer, seats))

@@ -1,7 +1,7 @@
 // The active driver in words above the joystick, and the reference as a ring on it: on every browser.
 
 const HINT = matchMedia("(pointer: coarse)").matches ? "Drag to walk" : "Drag to walk, or hold W";
-const WITHOUT_PAGE = { sliders: "the sliders drive", rest: "a program drives" };
+const WITHOUT_PAGE = { sliders: "the sliders drive", rest: "a program drives", past: "as it was, until somebody drives" };
 
 export class DriverDisplay {
   /** @param {{client: string, limits: object}} teleop of this page */

@@ -19,12 +19,14 @@ import { copyLink, offerLink, saveRecording } from "./share.js";
 import { Status } from "./status.js";
 import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
+import { Timeline } from "./timeline.js";
 import { Tour } from "./tour.js";
 import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
 const status = new Status();
 let latest = {};
+const DRIVES_NOW = "You drive the robot of now, so this is the present again.";
 
 /** Show an error: a refusal as a notice, a lost server in the strip. */
 function showError(error) {
@@ -32,6 +34,12 @@ function showError(error) {
   else notify(error.message, { level: "bad" });
 }
 const requestAndShow = (method, path, body) => request(method, path, body).catch(showError);
+
+/** Show what the scene shows: the present, or an earlier tick. */
+function showMoment(live, isPast) {
+  status.show(live, isPast);
+  views.show(live);
+}
 
 /** Say that what was asked for waits, where it does. */
 function sayThatTimeStands() {
@@ -42,6 +50,7 @@ const teleop = new Teleop({
   onRefusal: (text) => notify(text, { level: "bad" }),
   onEngage: () => {
     driver.dismissHint();
+    timeline.leave(DRIVES_NOW);
     sayThatTimeStands();
   },
 });
@@ -53,11 +62,20 @@ const randomPushes = new RandomPushes({ request: requestAndShow });
 const dial = new PushDial({
   onPush: (impulse) => {
     pushReport.dismissHint();
+    timeline.leave(DRIVES_NOW);
     sayThatTimeStands();
     teleop.push(impulse);
   },
 });
 
+const timeline = new Timeline({
+  client: teleop.client,
+  request: requestAndShow,
+  impulse: () => dial.impulse,
+  onOpen: () => matchMedia("(max-width: 576px)").matches && scene.showPanel(false), // there is room for one of them
+  onTrouble: (text) => notify(text),
+  onPast: (past) => showMoment(past ?? latest, past !== null),
+});
 const presets = new Presets({ onError: showError });
 const tour = new Tour();
 const views = new Views({
@@ -75,6 +93,9 @@ const actions = {
   pause: () => time.toggle(),
   standUp: () => status.hasFallen && time.reset(),
   view: () => views.next(),
+  timeline: () => timeline.toggle(),
+  tickBack: () => timeline.step(-1),
+  tickOn: () => timeline.step(1),
   ...Object.fromEntries(Object.keys(VIEWS).map((name) => [name, () => views.choose(name)])),
   help: () => {
     lease.update();
@@ -164,7 +185,8 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
   onMessage: (live) => {
     latest = live;
-    for (const part of [status, driver, time, pushReport, randomPushes, views, presets, robotMenu]) part.show(live);
+    if (!timeline.past) showMoment(live, false);
+    for (const part of [driver, time, pushReport, randomPushes, presets, timeline, robotMenu]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

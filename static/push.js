@@ -72,10 +72,15 @@ export class PushDial {
     document.getElementById("push-text").textContent = text;
   }
 
-  push() {
+  /** The impulse that the ring is set to, in the robot's frame, N s. */
+  get impulse() {
     const angle = (this.degrees * Math.PI) / 180;
     const strength = Number(this.strength.value);
-    this.onPush([strength * Math.cos(angle), strength * Math.sin(angle)]);
+    return [strength * Math.cos(angle), strength * Math.sin(angle)];
+  }
+
+  push() {
+    this.onPush(this.impulse);
   }
 }
 

@@ -21,7 +21,7 @@ export class Status {
     this.limitEnds = 0;
   }
 
-  show(live) {
+  show(live, isPast = false) {
     text("reference", Math.hypot(live.reference_vx, live.reference_vy).toFixed(2));
     const reached = this.reached(live);
     text("reached", reached === null ? "–" : (Math.round(100 * reached) / 100 + 0).toFixed(2)); // + 0: never "-0.00"
@@ -33,7 +33,7 @@ export class Status {
     document.getElementById("plant").title = live.plant_reason ?? "";
     text("twin", live.twin_difference ? `twin: ${live.twin_difference}` : "");
     this.showRate(live);
-    this.judge(live);
+    this.judge(live, isPast);
   }
 
   /** Show simulated over real time; the server's factor is relative to the chosen speed. */
@@ -61,8 +61,10 @@ export class Status {
     return (forward * live.reference_vx + left * live.reference_vy) / reference;
   }
 
-  judge(live) {
-    if (live.fault) this.set("fault", "stopped", `The server stopped the robot: ${live.fault}`);
+  /** @param {boolean} isPast whether it is an earlier tick that only this browser looks at */
+  judge(live, isPast) {
+    if (isPast) this.set("past", live.status === 2 ? "the past, fallen" : "the past");
+    else if (live.fault) this.set("fault", "stopped", `The server stopped the robot: ${live.fault}`);
     else if (live.status === 2) this.set("fallen", "fallen", `Fallen: ${live.reason || "no step can catch the robot"}.`);
     else if (!live.running) this.set("paused", "paused");
     else if (this.isAtLimit(live)) this.set("relaxed", "at its limit", "Solver relaxed: sole margin given up", "warn");

@@ -8,7 +8,7 @@ import yaml
 
 from app.commands import cli
 from app.formats import FORMATS
-from app.routes import driver_lease, live_robot, scripted_runs, service, sockets
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
 from walkcore import load_scenario, scenario_names
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.scenario.expectations import METRICS
@@ -22,7 +22,7 @@ DOCUMENTS = {
 FOLDERS = ("walkcore", "app", "static", "tests", "benchmarks", "docs", "deploy")
 WRITTEN = {"growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json"}  # by commands, to a user's folder
 ROUTERS = (
-    *(module.router for module in (live_robot, driver_lease, scripted_runs, service, sockets)),
+    *(module.router for module in (live_robot, timeline, driver_lease, scripted_runs, service, sockets)),
     service.metrics_router,
 )
 ROUTES = {

@@ -16,6 +16,9 @@ WIDTHS, HEIGHTS = range(320, 1501, 59), range(360, 1101, 148)
 FONTS = ["Liberation Sans Narrow", "DejaVu Sans"]  # the narrowest and the widest here
 ALWAYS = {"zero", "stop", "speed", "reset", "help", "panel", "share", "save", "views"}
 PADS = {"joystick", "turn", "ring", "push", "strength", "random"}
+TIME_LINE = {
+    "moment", "mark-back", "tick-back", "play", "tick-on", "mark-on", "play-speed", "present", "go-on-with", "go-on",
+}  # fmt: skip
 MORE = {"walking": set(), "paused": {"one-tick", "one-sample"}, "fallen": {"stand-up"}}
 
 # As viser lays out its panel: beside the scene, or on a narrow window below it.
@@ -30,7 +33,7 @@ TROUBLE = """(required) => {
   const inner = inside.querySelector("[data-dock-root] > *").getBoundingClientRect();
   const scene = document.querySelector("main").getBoundingClientRect();
   const found = [];
-  const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text";
+  const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text, .track, .when";
   const isThere = (e) =>
     !e.closest("dialog, #notices") && e.checkVisibility({visibilityProperty: true}) &&
     (e.textContent || !e.matches(".caption"));
@@ -42,7 +45,10 @@ TROUBLE = """(required) => {
     const { left, right, top, bottom, width, height } = e.getBoundingClientRect();
     const [x, y] = [(left + right) / 2, (top + bottom) / 2];
     const isOnScene = e.closest("main") !== null;
-    const [far, low] = isOnScene ? [inner.right, scene.top + inner.bottom] : [innerWidth, scene.top];
+    const isBelow = e.closest(".timeline") !== null;
+    const far = isOnScene ? inner.right : innerWidth;
+    const low = isOnScene ? scene.top + inner.bottom : isBelow ? innerHeight : scene.top;
+    if (isBelow && top < scene.bottom - 0.5) found.push(`${name} is on the scene`);
     if (left < -0.5 || top < -0.5 || right > far + 0.5 || bottom > low + 0.5) found.push(`${name} is outside`);
     if (e.matches("button, select") && Math.min(width, height) < 24) found.push(`${name} is too small`);
     if (e.matches("button") && e.scrollWidth > e.clientWidth + 1) found.push(`${name} is cut off`);
@@ -87,8 +93,10 @@ def bring_about(state: str, page: Page, api: httpx.Client) -> None:
     expect(page.locator("#state")).to_contain_text(words, timeout=1e3 * PATIENCE)
 
 
-def trouble(page: Page, sizes: list[tuple[int, int]], state: str, fonts: list[str]) -> list[str]:
-    """All that is wrong at some sizes, with the panel and without."""
+def trouble(
+    page: Page, sizes: list[tuple[int, int]], state: str, fonts: list[str], more: frozenset[str] = frozenset()
+) -> list[str]:
+    """All that is wrong at some sizes, with the panel and without; `more` is open below."""
     found = []
     for font in fonts:
         page.evaluate("(font) => (document.documentElement.style.fontFamily = font)", font)
@@ -98,7 +106,9 @@ def trouble(page: Page, sizes: list[tuple[int, int]], state: str, fonts: list[st
             for width, height in sizes:
                 page.set_viewport_size({"width": width, "height": height})
                 page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
-                required = ALWAYS | MORE[state] | (set() if has_panel or state == "fallen" else PADS)
+                required = ALWAYS | {"time-back"} | MORE[state] | (more if width > 576 or not has_panel else set())
+                if not has_panel and state != "fallen" and (not more or height >= 480):
+                    required |= PADS
                 wrong = page.evaluate(TROUBLE, sorted(required))
                 found += [f"{width}x{height} {state} {'panel ' * has_panel}{font}: {each}" for each in wrong]
     return found
@@ -112,9 +122,26 @@ def test_controls_fit_windows_at_which_they_once_did_not(page, api):
     assert found == []
 
 
+def test_the_time_line_fits_too_and_lies_on_nothing(page, api):
+    bring_about("paused", page, api)
+    api.post("live/fork", json={"tick": 1})  # whose numbers stand below the time line
+    page.locator("#time-back").click()
+    expect(page.locator("#fork-numbers")).to_be_visible(timeout=1e3 * PATIENCE)
+    assert trouble(page, SIZES, "paused", FONTS[1:], frozenset(TIME_LINE)) == []
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("state", MORE)
 def test_controls_fit_every_window(page, api, state):
     bring_about(state, page, api)
     sizes = [(width, height) for height in HEIGHTS for width in WIDTHS]
     assert trouble(page, sizes, state, FONTS) == []
+
+
+@pytest.mark.exhaustive
+def test_the_time_line_fits_every_window(page, api):
+    bring_about("paused", page, api)
+    api.post("live/fork", json={"tick": 1})
+    page.locator("#time-back").click()
+    sizes = [(width, height) for height in HEIGHTS for width in WIDTHS]
+    assert trouble(page, sizes, "paused", FONTS, frozenset(TIME_LINE)) == []

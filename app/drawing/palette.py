@@ -17,6 +17,7 @@ DCM: Colour = (122, 64, 232)  # violet
 MEASURED_DCM: Colour = (184, 146, 252)  # a lighter one
 COMMANDED: Colour = (52, 150, 190)  # a body that is commanded and not there
 TWIN: Colour = (150, 158, 170)
+PAST: Colour = (96, 165, 130)  # the walk that was
 ACTIVE: Colour = (0, 184, 224)  # cyan, for constraints that bind
 PUSH: Colour = (200, 20, 164)  # magenta
 LEFT_FOOT: Colour = (58, 61, 66)  # the two greys of the footsteps

@@ -2,15 +2,18 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal, Self
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from app.live.fork import Fork
 from app.live.runner import INTERVALS, SPEEDS, LiveState
 from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
+from app.live.timeline import MarkKind
 from walkcore import Push, Reference, Robot, Snapshot
 from walkcore.scenario.recording import plant_columns, row
+from walkcore.values import MAX_TICK
 
 
 class Body(BaseModel):
@@ -87,6 +90,58 @@ class SaveBody(Body):
         default=False,
         description="Keep the walk before the last reset, or of the robot before, instead of the present one.",
     )
+
+
+class ForkBody(Body):
+    """The tick from which the walk goes on anew, and what is to be different from then on."""
+
+    tick: int = Field(ge=0, le=MAX_TICK, description="One that `GET /api/v1/live/timeline` lists.")
+    parameters: dict[str, Any] = Field(
+        default={}, max_length=100, description="Changed from those in force at that tick; their later changes are not."
+    )
+    present_parameters: bool = Field(
+        default=False, description="Begin with the parameters in force now, not with those at that tick."
+    )
+    reference: ReferenceBody | None = Field(default=None, description="In place of the references that came then.")
+    push: PushBody | None = Field(default=None, description="At that tick, in place of the one that came then.")
+    follow: bool = Field(
+        default=True, description="Let the commands come again that came then, until somebody drives; else it stops."
+    )
+
+    def to_fork(self) -> Fork:
+        """The fork as a value of the control."""
+        return Fork(
+            self.tick,
+            self.parameters,
+            self.present_parameters,
+            None if self.reference is None else self.reference.to_reference(),
+            None if self.push is None else self.push.to_push(),
+            self.follow,
+        )
+
+
+class LookMessage(Body):
+    """Message of a browser that looks at an earlier tick."""
+
+    tick: int | None = Field(ge=0, le=MAX_TICK, description="None for the present.")
+
+
+class MarkBody(BaseModel):
+    """Something that happened at a tick."""
+
+    tick: int
+    kind: MarkKind
+    text: str
+
+
+class TimelineBody(BaseModel):
+    """The ticks of the present walk that can be looked at and gone on from: the last two minutes."""
+
+    walk: int = Field(description="Number of the walk: another one after each reset and each fork.")
+    first_tick: int
+    last_tick: int
+    control_period: float = Field(description="From one tick to the next [s].")
+    marks: list[MarkBody] = Field(description="Pushes, falls, changed parameters, and the last fork.")
 
 
 class TeleopMessage(Body):
@@ -236,7 +291,29 @@ def live_json(state: LiveState) -> dict[str, Any]:
         "random_pushes": None if state.random_pushes is None else asdict(state.random_pushes),
         "reason": snapshot.reason,
         "fault": state.fault,
+        "walk": state.walk,
+        "fork": None if state.comparison is None else asdict(state.comparison),
     }
+
+
+def past_json(state: LiveState, snapshot: Snapshot) -> dict[str, Any]:
+    """An earlier tick as `live_json` has the present one.
+
+    Args:
+        state: of the present walk.
+        snapshot: of the tick.
+    """
+    return live_json(
+        replace(
+            state,
+            snapshot=snapshot,
+            last_push=None,
+            twin_difference="",
+            comparison=None,
+            driver="past",
+            driver_client="",
+        )
+    )
 
 
 def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:

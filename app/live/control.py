@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
 from app.live.plant_choice import PlantChoice, suitable_plant
 from app.live.session_log import SessionLog
 from app.live.tick_scheduler import TickScheduler
-from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
+from app.live.timeline import Marks, Timeline
+from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.analysis.twin import TwinMonitor
 from walkcore.errors import InvalidValueError
@@ -30,6 +32,8 @@ from walkcore.state import SimulationState
 
 logger = logging.getLogger(__name__)
 
+PAST = ReferenceCommand(Reference(), "past")
+"""Who drives while a forked walk follows the commands that came then."""
 MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 
@@ -82,7 +86,8 @@ class Control:
         self._prepared_for, self._prepared = 0, list[bytes]()
         self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._twin = TwinMonitor()
-        self._log = SessionLog(self._simulation)
+        self._log, self._marks = SessionLog(self._simulation), Marks()
+        self._forked: ForkedWalk | None = None
         self.latest = self._first_state() if resumed is None else self._resumed_state(resumed)
         publish(self.latest)
 
@@ -109,7 +114,13 @@ class Control:
             )
         self._scheduler.real_t = resumed.real_t
         return replace(
-            resumed, timing=self._scheduler.timing, driver=NO_REFERENCE.driver, driver_client=NO_REFERENCE.client
+            resumed,
+            timing=self._scheduler.timing,
+            driver=NO_REFERENCE.driver,
+            driver_client=NO_REFERENCE.client,
+            walk=resumed.walk + 1,
+            comparison=None,
+            was=None,
         )
 
     def _can_restore(self, state: SimulationState) -> bool:
@@ -145,6 +156,8 @@ class Control:
     def set_reference(self, command: ReferenceCommand) -> None:
         """Follow a reference from the next tick on."""
         self._command, self._commanded_at = command, self._clock()
+        if self._forked is not None:
+            self._forked.follows = False  # somebody drives
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick; of several before it the last one counts."""
@@ -212,6 +225,7 @@ class Control:
             return parameters
         is_prepared = 0 < len(prepared) == nb_parts and token == self._prepared_for
         self._simulation.change(parameters, pickle.loads(b"".join(prepared)) if is_prepared else None)
+        self._marks.change(self.latest.snapshot.tick + 1, self.parameters, parameters)
         self.parameters = self._simulation.parameters
         self._log.change(self.parameters)
         return self.parameters
@@ -267,6 +281,8 @@ class Control:
         """Take the first tick of a robot at rest."""
         self._command, self._push = NO_REFERENCE, None
         self._recovery, self._twin = PushRecoveryMonitor(), TwinMonitor()
+        self._marks, self._forked = Marks(), None
+        self.latest = replace(self.latest, walk=self.latest.walk + 1, comparison=None, was=None)
         self._scheduler.reset_real_t()
         self._take_tick()
         self._scheduler.restart()
@@ -297,6 +313,49 @@ class Control:
             raise NothingToSaveError("there was no walk before the last reset")
         return iter(segments)
 
+    def timeline(self) -> Timeline:
+        """The ticks that are kept, and what happened at them."""
+        first, last = self._log.first_tick, self.latest.snapshot.tick
+        return Timeline(self.latest.walk, first, last, self.parameters.control_period, self._marks.since(first))
+
+    def past(self, tick: int) -> bytes:
+        """The packed segment that holds a tick of the present walk, or the nearest one of those that are kept.
+
+        Raises:
+            InvalidValueError: if none is.
+        """
+        segment = self._log.around(min(max(tick, self._log.first_tick), self.latest.snapshot.tick))
+        if segment is None:
+            raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
+        return segment.data
+
+    def fork(self, fork: Fork) -> Parameters:
+        """Go on from an earlier tick of the present walk, and return all parameters; time passes as before.
+
+        The walk that was counts as the walk before the last reset, for whoever wants to save it.
+
+        Raises:
+            WalkError: if that cannot be; the present walk goes on then.
+        """
+        kept = self._log.kept()
+        simulation = restored(self._robot, kept, fork.tick, self._stopwatch)
+        base = self.parameters if fork.has_present_parameters else simulation.parameters
+        parameters = base.changed(fork.parameters)
+        if parameters != simulation.parameters:
+            simulation.change(parameters)
+        simulation.keep_twin_ready()
+        self._forked = ForkedWalk(fork, kept, self._robot, parameters)
+        self._log.fork(simulation, fork.tick)
+        self._marks.fork(fork.tick)
+        self._simulation, self.parameters = simulation, parameters
+        reference = Reference() if fork.reference is None else fork.reference
+        self._command, self._push = ReferenceCommand(reference, "rest" if fork.reference else "none"), fork.push
+        self._recovery, self._twin = self._forked.monitor, TwinMonitor()
+        self.latest = replace(self.latest, walk=self.latest.walk + 1)
+        self._take_tick()
+        self._scheduler.restart()
+        return self.parameters
+
     def tidy(self) -> None:
         """Do the work that can wait for the pause between two ticks; takes less than 1 ms."""
         self._log.pack()
@@ -310,7 +369,9 @@ class Control:
         started = self._clock()
         if started > self._commanded_at + self._command.expires_after:
             self._command = NO_REFERENCE
-        command = Command(self._command.reference, self._next_push())
+        command, driver = self._next_command()
+        if self._forked is not None:
+            time_left = self._forked.time_left(time_left)
         self._log.begin()
         counted = CountedTime(time_left)
         snapshot = self._simulation.step(command, counted)
@@ -318,17 +379,32 @@ class Control:
         self._log.end(command, snapshot, counted.solves_in_time)
         self._recovery.update(balance_state(snapshot, self._robot.mass))
         self._twin.update(snapshot)
+        self._marks.update(command, snapshot)
+        if self._forked is not None:
+            self._forked.update(snapshot)
         self._show(
             counts=_counted(self.latest.counts, self.latest.snapshot, snapshot),
             snapshot=snapshot,
             timing=self._scheduler.timing,
-            driver=self._command.driver,
-            driver_client=self._command.client,
+            driver=driver.driver,
+            driver_client=driver.client,
             real_t=self._scheduler.real_t,
             last_push=self._recovery.last,
             next_state=self._simulation.state,
             twin_difference=self._twin.difference,
+            comparison=None if self._forked is None else self._forked.comparison,
+            was=None if self._forked is None else self._forked.was,
         )
+
+    def _next_command(self) -> tuple[Command, ReferenceCommand]:
+        """The command of the tick, and who drives."""
+        forked = self._forked
+        if forked is not None:
+            forked.begin()
+            if forked.follows:
+                push, self._push = self._push, None
+                return forked.command(push), PAST
+        return Command(self._command.reference, self._next_push()), self._command
 
     def _next_push(self) -> Push | None:
         """The push that was requested, else a random one where one is due."""

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from app.live.fork import Comparison
 from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
@@ -16,7 +17,8 @@ class ReferenceCommand:
 
     reference: Reference
     driver: str
-    """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders" or "rest"."""
+    """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders", "rest", or "past" while a
+    forked walk follows the commands that came then."""
     expires_after: float = math.inf
     """Time on the wall after which the reference becomes zero [s]."""
     client: str = ""
@@ -84,3 +86,9 @@ class LiveState:
     """World that a plant with contact physics stands in."""
     twin_difference: str = ""
     """Difference between the robot and its ideal twin, as a sentence; empty where there is no twin."""
+    walk: int = 0
+    """Number of the walk: another one after each reset and each fork."""
+    comparison: Comparison | None = None
+    """The walk since a fork beside the walk that was; None without a fork since the last reset."""
+    was: Snapshot | None = None
+    """The walk that was, at this tick, without its plan's trajectories; None without a fork, or once it is over."""

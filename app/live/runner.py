@@ -22,12 +22,14 @@ from typing import Any
 import numpy as np
 
 from app.live.control import Control, NothingToSaveError, NotPausedError
+from app.live.fork import Fork
 from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
 from app.live.messages import NoResponseError
 from app.live.parameter_changes import ParameterChanges
 from app.live.plant_choice import PlantChoice
 from app.live.supervisor import Supervisor
+from app.live.timeline import Timeline
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
@@ -239,6 +241,30 @@ class Runner:
         response = self._request(Control.save, is_before_reset, take_item=items.put)
         response.add_done_callback(items.put)
         return _until_done(items)
+
+    def timeline(self) -> Future[Timeline]:
+        """The ticks of the present walk that are kept, and what happened at them."""
+        return self._request(Control.timeline)
+
+    def past(self, tick: int) -> Future[bytes]:
+        """The packed segment that holds a tick of the present walk, or the nearest one of those that are kept.
+
+        `app.live.session_log.unpacked` reads it. Fails with a `WalkError` where none is kept.
+        """
+        return self._request(Control.past, tick)
+
+    def fork(self, fork: Fork) -> Future[Parameters]:
+        """Go on from an earlier tick of the present walk; fails with a `WalkError`, and changes nothing.
+
+        Raises:
+            InvalidValueError: if its reference or its push is beyond a limit.
+        """
+        if fork.reference is not None:
+            self.robot.check_reference(fork.reference)
+        if fork.push is not None:
+            self._checked_push(fork.push)
+        self._command = NO_REFERENCE
+        return self._request(Control.fork, fork, convert=self._take_parameters)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self._supervisor.parameters = parameters

@@ -1,13 +1,14 @@
-"""The last minute of the live walk, always kept, so that what was just driven can be saved as a run.
+"""The last two minutes of the live walk, always kept: to look at them, to go on from any of their ticks, to save them.
 
-It is kept in short segments: the state before each, and for each tick the command and the snapshot.
+They are kept in short segments: the state before each, and for each tick the command and the snapshot.
 From these the same walk can be replayed, and its recording written without walking again. Full segments are packed
-between two ticks.
+between two ticks. Of what is saved as a run, the last minute counts.
 """
 
 import math
 import pickle
 import struct
+import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ import numpy as np
 
 from walkcore import Command, Parameters, Robot, Simulation, Snapshot
 from walkcore.motion.whole_body import WholeBody
-from walkcore.mpc.plan import Plan
+from walkcore.mpc.plan import NO_BOUNDS, Plan
 from walkcore.plant.world import PERFECT, World
 from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -25,8 +26,10 @@ from walkcore.scenario.session import session_scenario
 from walkcore.state import SimulationState
 from walkcore.values import frozen_copy
 
-KEPT = 60.0  # [s] at least, of simulated time
-TICKS_PER_SEGMENT = 10  # so few that packing them takes less than 1 ms, and that they go by one message
+KEPT = 120.0  # [s] at least, of simulated time: 60 MB with Talos in physics
+SAVED = 60.0  # [s] of them, at least, that become a run
+TICKS_PER_SEGMENT = 10  # so few that packing them takes about 1 ms, and that they go by one message
+COMPRESSION = 1  # the fastest of zlib, which halves a segment
 LENGTH = struct.Struct("<Q")  # bytes of the segment that follows in a file
 NOTHING = frozen_copy(np.zeros((0, 2)))
 
@@ -46,15 +49,48 @@ class Segment:
     solves_in_time: dict[int, int] = field(default_factory=dict)
     """Solves that the ticks without time for all of theirs had it for, by their index in this segment."""
 
+    def parameters_at(self, index: int) -> Parameters:
+        """Parameters in force at one of its ticks, or at the one after its last."""
+        changes = [at for at in self.changes if at <= index]
+        return self.changes[max(changes)] if changes else self.parameters
+
+    def cut(self, nb_ticks: int) -> "Segment":
+        """Its first ticks only."""
+        changes = {at: value for at, value in self.changes.items() if at < nb_ticks}
+        solves = {at: value for at, value in self.solves_in_time.items() if at < nb_ticks}
+        return replace(self, ticks=self.ticks[:nb_ticks], changes=changes, solves_in_time=solves)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedSegment:
+    """A segment in as few bytes as it takes about no time to make."""
+
+    first_tick: int
+    data: bytes
+
+    @classmethod
+    def of(cls, segment: Segment) -> "PackedSegment":
+        """Pack a segment."""
+        return cls(segment.state.model.tick, zlib.compress(pickle.dumps(segment, pickle.HIGHEST_PROTOCOL), COMPRESSION))
+
+    def unpacked(self) -> Segment:
+        """The segment."""
+        return unpacked(self.data)
+
+
+def unpacked(data: bytes) -> Segment:
+    """The segment that was packed into these bytes."""
+    return pickle.loads(zlib.decompress(data))
+
 
 class SessionLog:
-    """Keeps the last minute of a simulation."""
+    """Keeps the last two minutes of a simulation."""
 
     def __init__(self, simulation: Simulation) -> None:
         """Begin to keep a simulation that is at its start."""
         self._simulation = simulation
-        nb_segments = math.ceil(KEPT / simulation.parameters.control_period / TICKS_PER_SEGMENT)
-        self._packed: deque[bytes] = deque(maxlen=nb_segments)
+        nb_segments = _nb_segments(KEPT, simulation)
+        self._packed: deque[PackedSegment] = deque(maxlen=nb_segments)
         self._full: deque[Segment] = deque(maxlen=nb_segments)
         self._growing: Segment | None = None
         self._before_reset: list[bytes] = []
@@ -64,6 +100,22 @@ class SessionLog:
         self._before_reset = self.segments(False)
         self._packed.clear()
         self._growing, self._simulation = None, simulation
+
+    def fork(self, simulation: Simulation, tick: int) -> None:
+        """Set the walk so far aside until the next reset, and forget it from a tick on.
+
+        Args:
+            simulation: goes on from before that tick, maybe with other parameters.
+            tick: one that is kept.
+        """
+        kept, self._before_reset = self.kept(), self.segments(False)
+        self._packed.clear()
+        self._growing, self._simulation = None, simulation
+        whole = [segment for segment in kept if segment.first_tick <= tick]
+        self._packed.extend(whole[:-1])
+        if tick > whole[-1].first_tick:
+            self._growing = whole[-1].unpacked().cut(tick - whole[-1].first_tick)
+        self.change(simulation.parameters)
 
     def begin(self) -> None:
         """Note the state before a tick where a segment begins with it."""
@@ -96,15 +148,35 @@ class SessionLog:
     def pack(self) -> None:
         """Pickle one full segment."""
         if self._full:
-            self._packed.append(_packed(self._full.popleft()))
+            self._packed.append(PackedSegment.of(self._full.popleft()))
 
-    def segments(self, is_before_reset: bool) -> list[bytes]:
-        """All packed segments since the last reset, or of the walk before it."""
-        if is_before_reset:
-            return self._before_reset
+    @property
+    def first_tick(self) -> int:
+        """The first tick that is kept."""
+        first = next(iter((*self._packed, *self._full)), self._growing)
+        if first is None:
+            return self._simulation.state.model.tick
+        return first.first_tick if isinstance(first, PackedSegment) else first.state.model.tick
+
+    def kept(self) -> list[PackedSegment]:
+        """All segments since the last reset that are kept."""
         while self._full:
             self.pack()
-        return [*self._packed, *([] if self._growing is None else [_packed(self._growing)])]
+        return [*self._packed, *([] if self._growing is None else [PackedSegment.of(self._growing)])]
+
+    def around(self, tick: int) -> PackedSegment | None:
+        """The segment of a tick; None if it is not kept."""
+        if self._growing is not None and tick >= self._growing.state.model.tick:
+            is_kept = tick < self._growing.state.model.tick + len(self._growing.ticks)
+            return PackedSegment.of(self._growing) if is_kept else None
+        return next((segment for segment in reversed(self.kept()) if segment.first_tick <= tick), None)
+
+    def segments(self, is_before_reset: bool) -> list[bytes]:
+        """Packed segments of the last minute since the last reset, or of the walk before it."""
+        if is_before_reset:
+            return self._before_reset
+        nb_saved = _nb_segments(SAVED, self._simulation) + (self._growing is not None)
+        return [segment.data for segment in self.kept()[-nb_saved:]]
 
 
 def write_segments(segments: Iterable[bytes], path: Path) -> None:
@@ -126,12 +198,12 @@ def read_segments(path: Path) -> Iterator[bytes]:
             yield file.read(*LENGTH.unpack(length))
 
 
-def _packed(segment: Segment) -> bytes:
-    return pickle.dumps(segment, pickle.HIGHEST_PROTOCOL)
+def _nb_segments(duration: float, simulation: Simulation) -> int:
+    return math.ceil(duration / simulation.parameters.control_period / TICKS_PER_SEGMENT)
 
 
 def _light(snapshot: Snapshot) -> Snapshot:
-    """The snapshot without the trajectories of its plan, which no recording has."""
+    """The snapshot without the trajectories of its plan and their bounds, which no recording has."""
     plan, twin = snapshot.plan, snapshot.twin
     return replace(
         snapshot,
@@ -141,7 +213,7 @@ def _light(snapshot: Snapshot) -> Snapshot:
 
 
 def _light_plan(plan: Plan) -> Plan:
-    return replace(plan, times=NOTHING, jerks=NOTHING, com=NOTHING, cop=NOTHING)
+    return replace(plan, times=NOTHING, jerks=NOTHING, com=NOTHING, cop=NOTHING, bounds=NO_BOUNDS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +225,7 @@ class Session:
     @classmethod
     def unpacked(cls, segments: list[bytes]) -> "Session":
         """The session that `SessionLog.segments` packed."""
-        found: list[Segment] = [pickle.loads(segment) for segment in segments]
+        found = [unpacked(segment) for segment in segments]
         # A state does not hold the last plan, with which a tick without time goes on: such a one cannot come first.
         start = next((i for i, segment in enumerate(found) if 0 not in segment.solves_in_time), 0)
         return cls(found[start:])

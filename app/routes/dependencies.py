@@ -9,6 +9,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.live.driver_lease import DriverLease
+from app.live.past import PastTicks
 from app.live.runner import Runner
 from app.robot_switch import RobotSwitch
 from app.routes.followed_runs import FollowedRuns
@@ -36,10 +37,15 @@ async def _lease(connection: HTTPConnection) -> DriverLease:
     return connection.app.state.lease
 
 
+async def _past(connection: HTTPConnection) -> PastTicks:
+    return connection.app.state.past
+
+
 Lease = Annotated[DriverLease, Depends(_lease)]
 LiveRunner = Annotated[Runner, Depends(_runner)]
 LiveSwitch = Annotated[RobotSwitch, Depends(_switch)]
 LiveViewer = Annotated[Viewer, Depends(_viewer)]
+Past = Annotated[PastTicks, Depends(_past)]
 AllRuns = Annotated[Runs, Depends(_runs)]
 
 

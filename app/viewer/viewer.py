@@ -10,7 +10,7 @@ import logging
 import tempfile
 import time
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -19,6 +19,7 @@ import viser
 from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
 from app.viewer.panel.panel import Panel
+from app.viewer.past_look import PastLook
 from app.viewer.scene.drag_push import PULL_PERIOD, DragPush
 from app.viewer.scene.frame import RenderQuality
 from app.viewer.scene.layers import DEFAULT_LAYERS
@@ -27,6 +28,7 @@ from app.viewer.scene.scene import Scene, add_key_light
 from app.viewer.transport.broadcaster import Broadcaster
 from app.viewer.transport.client_messages import ClientMessages
 from app.viewer.transport.client_registry import ClientRegistry
+from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import listening_on, refuse_tunnels
 from walkcore.errors import InvalidValueError
 
@@ -35,7 +37,12 @@ logger = logging.getLogger(__name__)
 PERIOD = 1.0 / 30.0  # [s] of drawing
 PANEL_WIDTH = 308  # pixels: its tabs in one row
 ACCENT = (34, 111, 220)
+MAX_LOOKS = 8  # browsers that look at the past at once: each costs as much drawing as the live scene
 SMOOTHING = 0.02  # weight of the latest frame in the mean cost
+
+
+class TooManyLooksError(Exception):
+    """So many browsers look at the past already that no other one may."""
 
 
 class Viewer:
@@ -56,9 +63,11 @@ class Viewer:
         self.server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="small", brand_color=ACCENT
         )
-        self.scene = Scene(self.server, runner.robot, quality or RenderQuality())
+        self._quality = quality or RenderQuality()
+        self.scene = Scene(self.server, runner.robot, self._quality)
         self.broadcaster = Broadcaster(self.server)
-        clients = ClientRegistry(self.server)
+        self._clients = clients = ClientRegistry(self.server)
+        self._looks: dict[str, PastLook] = {}
         spare_light_clients(self.server, clients)
         body, scene = runner.robot.body, self.scene
         points = None if body is None else LinkPoints(body, scene.links, lambda: (scene.rotation, scene.origin))
@@ -80,6 +89,25 @@ class Viewer:
         """
         names = frozenset(mesh.name for mesh in self.scene.draggable)
         return ClientMessages(self.server, names, is_operator)
+
+    @contextlib.contextmanager
+    def past_look(self, page: str) -> Iterator[PastLook]:
+        """What the scene of one page is shown instead of the present, as long as somebody holds it.
+
+        Args:
+            page: id, as its controls send it.
+
+        Raises:
+            TooManyLooksError: if so many pages look at the past already.
+        """
+        if len(self._looks) >= MAX_LOOKS and page not in self._looks:
+            raise TooManyLooksError(f"{MAX_LOOKS} browsers look at the past already")
+        look = self._looks[page] = PastLook(self._runner.robot, self._quality)
+        try:
+            yield look
+        finally:
+            if self._looks.get(page) is look:
+                del self._looks[page]
 
     @property
     def layers(self) -> dict[str, bool]:
@@ -150,9 +178,20 @@ class Viewer:
     def _show(self, elapsed: float) -> None:
         state = self._runner.latest
         self._drag_push.request_preview()
-        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim, state.world)
+        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim, state.world, state.was)
         self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)
-        self.broadcaster.send(self.scene.updates)
+        self.broadcaster.send(self.scene.updates, self._show_past(elapsed))
+
+    def _show_past(self, elapsed: float) -> dict[int, SceneUpdates]:
+        """Draw for the pages that look at the past; the changes for their scenes, by the ids of these."""
+        others: dict[int, SceneUpdates] = {}
+        for page, look in list(self._looks.items()):
+            scenes = self._clients.scenes(page)
+            if not scenes or look.updates is None:
+                continue
+            look.draw(elapsed, self.scene.shown, self._panel.plots)
+            others |= dict.fromkeys(scenes, look.updates)
+        return others
 
 
 def start_server(label: str | None = None) -> tuple[viser.ViserServer, Path]:

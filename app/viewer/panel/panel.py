@@ -65,7 +65,7 @@ class Panel:
         with tabs.add_tab("Physics"):
             self._physics = PhysicsTab(server, runner)
         with tabs.add_tab("Plots"):
-            self._plots = PlotsTab(server)
+            self.plots = PlotsTab(server)
         with tabs.add_tab("System"):
             self._system = SystemTab(server, runner)
         self._updates = scene.updates
@@ -79,13 +79,13 @@ class Panel:
             frame_ms: processor time of a drawn frame [ms].
             nb_clients: number of browsers that are connected.
         """
-        self._plots.record(state)
+        self.plots.record(state)
         self._frame += 1
         if self._frame % FRAMES_PER_UPDATE == 0:
             self._drive.update(state)
             self._method.update()
             self._physics.update(self._updates, state)
-            self._plots.update(self._updates)
+            self.plots.update(self._updates)
             self._system.update(self._updates, state, frame_ms, nb_clients)
 
 

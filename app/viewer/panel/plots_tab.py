@@ -1,6 +1,8 @@
 """Live plots: velocity against the reference, centres of pressure within their bounds, physics, time of a tick."""
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +25,7 @@ from app.live.runner import LiveState
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
 from walkcore.mpc.stance import Side
-from walkcore.values import rotation
+from walkcore.values import Vector, rotation
 
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
@@ -68,14 +70,53 @@ PLOTS = {
 }
 
 
+class PlottedTime:
+    """Points of the last seconds before what is shown. They are recorded at every other drawn frame."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._frame, self._last_t = 0, -np.inf
+        self._recorded: list[tuple[Snapshot, float]] = []
+        self._rows: deque[list[float]] = deque(maxlen=POINTS)
+
+    def record(self, snapshot: Snapshot, tick_ms: float) -> None:
+        """Record a snapshot that is new.
+
+        Args:
+            snapshot: that is shown.
+            tick_ms: mean time of a tick [ms].
+        """
+        if snapshot.t < self._last_t:
+            self._recorded.clear()
+            self._rows.clear()
+        self._frame += 1
+        if snapshot.t == self._last_t or self._frame % FRAMES_PER_POINT:
+            return
+        self._last_t = snapshot.t
+        self._recorded.append((snapshot, tick_ms))
+
+    def replace(self, snapshots: Sequence[Snapshot]) -> None:
+        """Take these instead of what was recorded, in the order of time; their ticks took no time that is known."""
+        self._rows.clear()
+        self._recorded = [(snapshot, math.nan) for snapshot in snapshots]
+        self._last_t = snapshots[-1].t if snapshots else -np.inf
+
+    @property
+    def columns(self) -> Sequence[Vector]:
+        """Times, then the values of all lines; each of one length, none before there are two points."""
+        # Points are computed here, several at once: the first one of a frame costs the most.
+        for snapshot, tick_ms in self._recorded:
+            self._rows.append([snapshot.t, *plotted(snapshot), tick_ms])
+        self._recorded.clear()
+        return [] if len(self._rows) < 2 else list(np.ascontiguousarray(np.array(self._rows, dtype=np.float32).T))
+
+
 class PlotsTab:
     """Plots of the last seconds. Points are recorded at every other drawn frame, and sent less often."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         """Make the plots, empty."""
-        self._frame, self._last_t = 0, -np.inf
-        self._recorded: list[LiveState] = []
-        self._rows: deque[list[float]] = deque(maxlen=POINTS)
+        self._live = PlottedTime()
         times = np.linspace(-1.0, 0.0, 2)
         self.plots = [
             server.gui.add_uplot(
@@ -93,27 +134,21 @@ class PlotsTab:
 
     def record(self, state: LiveState) -> None:
         """Record a state that is new."""
-        t = state.snapshot.t
-        if t < self._last_t:
-            self._recorded.clear()
-            self._rows.clear()
-        self._frame += 1
-        if t == self._last_t or self._frame % FRAMES_PER_POINT:
-            return
-        self._last_t = t
-        self._recorded.append(state)
+        self._live.record(state.snapshot, state.timing.tick_ms)
 
     def update(self, updates: SceneUpdates) -> None:
-        """Send the plots. Points are computed here, several at once: the first one of a frame costs the most."""
-        for state in self._recorded:
-            self._rows.append([state.snapshot.t, *plotted(state.snapshot), state.timing.tick_ms])
-        self._recorded.clear()
-        if len(self._rows) < 2:
+        """Send the plots."""
+        self.show(updates, self._live)
+
+    def show(self, updates: SceneUpdates, time: PlottedTime) -> None:
+        """Send the plots of some time to whom these updates go."""
+        columns = time.columns
+        if not columns:
             return
-        times, *columns = np.ascontiguousarray(np.array(self._rows, dtype=np.float32).T)
+        times, *values = columns
         first = 0
         for plot, lines in zip(self.plots, PLOTS.values(), strict=True):
-            updates.control(plot, data=(times, *columns[first : first + len(lines)]))
+            updates.control(plot, data=(times, *values[first : first + len(lines)]))
             first += len(lines)
 
 

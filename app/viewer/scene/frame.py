@@ -93,12 +93,18 @@ class History:
         self._last_tick: float = math.inf
         self._was_shortened = False
 
+    def clear(self) -> None:
+        """Forget the past."""
+        self._last_tick = math.inf
+        self.trail.clear()
+        for places in self.footprints.values():
+            places.clear()
+        self.nb_changes += 1
+
     def add(self, snapshot: Snapshot, parameters: Parameters, *, is_on_trail: bool) -> None:
         """Add a drawn snapshot; one from before the last, after a reset of the robot, starts a new past."""
         if snapshot.tick < self._last_tick:
-            self.trail.clear()
-            for places in self.footprints.values():
-                places.clear()
+            self.clear()
         push = snapshot.last_push
         self.new_push = push if push is not None and push.tick > self._last_tick else None
         self._last_tick = snapshot.tick
@@ -145,6 +151,8 @@ class Frame:
     aim: Aim | None = None
     world: World = PERFECT
     """World that the robot walks in."""
+    was: Snapshot | None = None
+    """The walk that was, where this one went on from one of its ticks."""
 
 
 class Drawing(Protocol):

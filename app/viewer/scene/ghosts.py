@@ -1,19 +1,16 @@
-"""Translucent bodies beside the robot: the commanded configuration, and the ideal twin."""
+"""Translucent bodies beside the robot: the commanded configuration, the ideal twin, and the walk that was."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
-from app.drawing.palette import COMMANDED, TWIN, Colour
+from app.drawing.palette import COMMANDED, PAST, TWIN, Colour
 from app.viewer.scene.frame import LIGHT, Canvas, Frame
 from app.viewer.scene.joints import joint_of
 from app.viewer.scene.robot import add_joints
-from app.viewer.scene.robot_mesh import BodyPart, body_parts
+from app.viewer.scene.robot_mesh import shared_parts
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
-from walkcore import Snapshot
 from walkcore.motion.body_model import load_model
-from walkcore.robot import BodyModel
 from walkcore.values import Vector
 
 OPACITY = 0.32
@@ -23,15 +20,30 @@ OPACITY = 0.32
 class GhostStyle:
     """Body that is drawn, and how."""
 
-    configuration: Callable[[Snapshot], Vector | None]
+    configuration: Callable[[Frame], Vector | None]
     """Configuration in Pinocchio's order, shape (nq,); None where there is no such body."""
     colour: Colour
     place: tuple[float, float] = (0.0, 0.0)
     """From where it is to where it is drawn, x and y in the world frame [m]."""
 
 
-COMMANDED_BODY = GhostStyle(lambda now: None if now.plant is None else now.plant.q_commanded, COMMANDED)
-TWIN_BODY = GhostStyle(lambda now: None if now.twin is None else now.twin.q, TWIN, place=(0.0, -1.0))
+def _commanded(frame: Frame) -> Vector | None:
+    plant = frame.snapshot.plant
+    return None if plant is None else plant.q_commanded
+
+
+def _twin(frame: Frame) -> Vector | None:
+    twin = frame.snapshot.twin
+    return None if twin is None else twin.q
+
+
+def _walk_that_was(frame: Frame) -> Vector | None:
+    return None if frame.was is None else frame.was.q
+
+
+COMMANDED_BODY = GhostStyle(_commanded, COMMANDED)
+TWIN_BODY = GhostStyle(_twin, TWIN, place=(0.0, -1.0))
+PAST_BODY = GhostStyle(_walk_that_was, PAST)
 
 
 class GhostDrawing:
@@ -45,7 +57,7 @@ class GhostDrawing:
         if canvas.robot.body is None:
             return
         model = load_model(canvas.robot.body)
-        parts = _coarse_parts(canvas.robot.body)
+        parts = shared_parts(canvas.robot.body, LIGHT.face_ratio)
         nodes = add_joints(canvas.server, self._root, model, {part.joint for part in parts})
         self._joints = {name: joint_of(model, joint) for joint, name in nodes.items()}
         for index, part in enumerate(parts):
@@ -62,15 +74,9 @@ class GhostDrawing:
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Put the links where the configuration says, or hide them."""
-        q = self._style.configuration(frame.snapshot)
+        q = self._style.configuration(frame)
         updates.visible(self._root, q is not None)
         if q is not None:
             numbers: list[float] = q.tolist()
             for node, joint in self._joints.items():
                 joint.move(updates, node, numbers)
-
-
-@lru_cache(maxsize=1)  # both ghosts have the same
-def _coarse_parts(body: BodyModel) -> list[BodyPart]:
-    model = load_model(body)
-    return body_parts(body, model, LIGHT.face_ratio)

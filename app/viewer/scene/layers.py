@@ -12,7 +12,7 @@ from app.drawing.palette import Colour
 from app.viewer.scene.foot_forces import FootForcesDrawing
 from app.viewer.scene.footprints import PastFootprints, PlannedFootholds
 from app.viewer.scene.frame import Canvas, Drawing
-from app.viewer.scene.ghosts import COMMANDED_BODY, TWIN_BODY, GhostDrawing
+from app.viewer.scene.ghosts import COMMANDED_BODY, PAST_BODY, TWIN_BODY, GhostDrawing
 from app.viewer.scene.points import (
     CONTACT_COP,
     FULL_COP,
@@ -54,6 +54,12 @@ LAYERS = {
     ),
     "twin": Layer(
         "twin", "The model on the same commands, drawn one metre aside", palette.TWIN, partial(GhostDrawing, TWIN_BODY)
+    ),
+    "was": Layer(
+        "walk that was",
+        "The walk that was, where the robot went on from an earlier tick",
+        palette.PAST,
+        partial(GhostDrawing, PAST_BODY),
     ),
     "strips": Layer("strips", "Strips across the ground, where the world has any", palette.STRIP, StripsDrawing),
     "footprints": Layer(

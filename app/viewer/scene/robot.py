@@ -13,7 +13,7 @@ from app.viewer.scene.footprints import GREYS, sole_outline
 from app.viewer.scene.frame import Canvas, Drawing, Frame
 from app.viewer.scene.joints import joint_of
 from app.viewer.scene.primitives import plate
-from app.viewer.scene.robot_mesh import body_parts, drawn_height
+from app.viewer.scene.robot_mesh import drawn_height, shared_parts
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import add_mesh
 from walkcore.motion.body_model import load_model
@@ -43,9 +43,10 @@ class BodyDrawing:
         """Load and send the meshes once."""
         model = load_model(body)
         self._colours: dict[str, Colour] = {}
-        self._has_fallen = self._is_translucent = False
+        self._has_fallen: bool | None = None
+        self._is_translucent: bool | None = None  # not known before the first frame, which sends both
         self._topple = Topple(canvas.root)
-        parts = body_parts(body, model, canvas.quality.face_ratio)
+        parts = shared_parts(body, canvas.quality.face_ratio)
         self.height = drawn_height(parts, model, model.referenceConfigurations["posture"])
         """From the lowest point to the highest one in its posture [m]."""
         nodes = add_joints(canvas.server, canvas.root, model, {part.joint for part in parts})
@@ -125,7 +126,7 @@ class Topple:
 
     def __init__(self, root: str) -> None:
         """Let the node fall that carries the body; its frame is the world's."""
-        self._root, self._angle, self._rate = root, 0.0, 0.0
+        self._root, self._angle, self._rate = root, FIRST_TILT, 0.0  # so that the first frame puts it upright
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
         """Let the body of a robot that has fallen go on falling, and put any other one upright."""

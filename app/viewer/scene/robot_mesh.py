@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from app.drawing.palette import DEFAULT_MATERIAL, MATERIALS, Colour
+from walkcore.motion.body_model import load_model
 from walkcore.motion.shapes import turned_up
 from walkcore.robot import BodyModel
 from walkcore.values import Vector
@@ -40,6 +41,12 @@ class BodyPart:
         step = float(np.max(np.abs(self.vertices))) / np.iinfo(np.int16).max
         index = np.uint16 if len(self.vertices) <= np.iinfo(np.uint16).max else np.uint32
         return np.round(self.vertices / step).astype(np.int16), self.faces.astype(index), step
+
+
+@lru_cache(maxsize=2)  # of the robot and of its ghosts, for every scene
+def shared_parts(body: BodyModel, face_ratio: float) -> tuple[BodyPart, ...]:
+    """The same as `body_parts`, computed once."""
+    return tuple(body_parts(body, load_model(body), face_ratio))
 
 
 def body_parts(body: BodyModel, model: pin.Model, face_ratio: float) -> list[BodyPart]:

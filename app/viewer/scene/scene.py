@@ -5,6 +5,7 @@ robot while the user's orbit of it stays free.
 """
 
 import math
+from collections.abc import Sequence, Set
 
 import numpy as np
 import viser
@@ -87,6 +88,17 @@ class Scene:
         (self.shown.add if is_visible else self.shown.discard)(layer)
         self.updates.visible(f"{WORLD}/{layer}", is_visible)
 
+    def show_all_of(self, shown: Set[str]) -> None:
+        """Show these layers, and hide the others."""
+        for layer in LAYERS:
+            self.show(layer, layer in shown)
+
+    def remember(self, before: Sequence[Snapshot], parameters: Parameters) -> None:
+        """Take these snapshots, in the order of time, for the past of the next one that is drawn."""
+        self._history.clear()
+        for snapshot in before:
+            self._history.add(snapshot, parameters, is_on_trail=True)
+
     def draw(
         self,
         snapshot: Snapshot,
@@ -94,6 +106,7 @@ class Scene:
         elapsed: float,
         aim: Aim | None = None,
         world: World = PERFECT,
+        was: Snapshot | None = None,
     ) -> None:
         """Collect what a snapshot changes in `updates`.
 
@@ -103,13 +116,14 @@ class Scene:
             elapsed: real time since the last call [s].
             aim: push that somebody is aiming.
             world: that the robot walks in.
+            was: the walk that was at this tick, where this one went on from one of its ticks.
         """
         self._nb_frames += 1
         has_lines = self._nb_frames % FRAMES_PER_LINE == 0
         self._history.add(snapshot, parameters, is_on_trail=has_lines)
         self._slope = world.slope
         self._scroll(snapshot, elapsed)
-        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world)
+        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world, was)
         for name, drawing in self.drawings.items():
             if name in self.shown:
                 drawing.update(self.updates, frame)

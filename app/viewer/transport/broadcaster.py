@@ -14,7 +14,8 @@ The bytes of a batch, as viser's clients read them:
 
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -28,6 +29,7 @@ from app.viewer.transport.viser_private import connections, has_whole_scene
 
 SEND_BUFFER = 16 * 1024  # bytes of a connection that the system holds: newer values cannot overtake them
 NOTHING_SENT = -1
+NOBODY: Mapping[int, SceneUpdates] = MappingProxyType({})
 ALIGNMENT = 8  # bytes
 
 
@@ -40,29 +42,40 @@ class Broadcaster:
         self._encoder = Encoder()
         self.last_sent: dict[int, int] = {}
         """Number of the latest frame that each client was sent, by its id."""
+        self._sources: dict[int, SceneUpdates] = {}
+        """Updates that each client was sent last, by its id."""
 
     @property
     def nb_clients(self) -> int:
         """Number of clients that are connected."""
         return len(connections(self._server))
 
-    def send(self, updates: SceneUpdates) -> None:
-        """Bring every client with room for it up to date, and end the frame."""
-        batches: dict[int, list[ServerConnection]] = {}
+    def send(self, updates: SceneUpdates, others: Mapping[int, SceneUpdates] = NOBODY) -> None:
+        """Bring every client with room for it up to date, and end the frame.
+
+        Args:
+            updates: of the scene that all share.
+            others: of the scenes of clients that are shown something else, by their ids.
+        """
+        batches: dict[tuple[int, int], tuple[SceneUpdates, list[ServerConnection]]] = {}
         for client, connection in self._ready():
-            last = self.last_sent.get(client, NOTHING_SENT)
-            batches.setdefault(last + 1, []).append(connection)
-            self.last_sent[client] = updates.frame
-        for since, receivers in batches.items():
-            messages = updates.changes(since)
+            source = others.get(client, updates)
+            is_same = self._sources.get(client) is source
+            since = self.last_sent.get(client, NOTHING_SENT) + 1 if is_same else 0
+            batches.setdefault((id(source), since), (source, []))[1].append(connection)
+            self._sources[client], self.last_sent[client] = source, source.frame
+        for (_, since), (source, receivers) in batches.items():
+            messages = source.changes(since)
             if messages:
                 broadcast(receivers, self._encoder.encode(messages))
-        updates.next_frame()
+        for source in {id(each): each for each in (updates, *others.values())}.values():
+            source.next_frame()
 
     def _ready(self) -> Iterator[tuple[int, ServerConnection]]:
         """Clients that have received all that viser sends at the start, and whose connection is empty."""
         present = connections(self._server)
         self.last_sent = {client: frame for client, frame in self.last_sent.items() if client in present}
+        self._sources = {client: source for client, source in self._sources.items() if client in present}
         for client, connection in present.items():
             if connection.transport.is_closing() or connection.transport.get_write_buffer_size():
                 continue

@@ -35,6 +35,10 @@ class ClientRegistry:
         """Id of the page that a client's scene belongs to, as its controls send it; "" for a scene without a page."""
         return self._pages.get(client.client_id, "")
 
+    def scenes(self, page: str) -> list[int]:
+        """Ids of the clients that are scenes of a page."""
+        return [client for client, of in self._pages.items() if of == page]
+
     def is_open(self, page: str) -> bool:
         """Whether the scene of a page is still open."""
         return page in self._pages.values()

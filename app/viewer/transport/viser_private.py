@@ -119,6 +119,8 @@ def add_mesh(
         step: [m].
         material: `color`, `opacity`, `side`, `cast_shadow`, `receive_shadow` of `add_mesh_simple`.
     """
+    if not isinstance(scene, viser.SceneApi):  # it stands for one whose nodes exist already, as `past_look` has it
+        return scene
     props = _messages.MeshProps(
         vertices=vertices,  # pyright: ignore[reportArgumentType]  # three.js takes any type of number
         faces=faces,  # pyright: ignore[reportArgumentType]

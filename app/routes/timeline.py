@@ -1,0 +1,120 @@
+"""Time that runs backwards: the last minutes of the live walk, each of their ticks, and a fork from one of them."""
+
+import asyncio
+import time
+from contextlib import suppress
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
+from pydantic import ValidationError
+
+from app.http.refusals import field_errors, summary
+from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody, live_json, past_json
+from app.http.turns import ReadBudget
+from app.live.runner import NoResponseError
+from app.routes.dependencies import LiveRunner, LiveViewer, Past
+from app.routes.live_robot import REFUSALS
+from app.viewer import PastLook, TooManyLooksError
+from walkcore.errors import WalkError
+from walkcore.values import MAX_TICK
+
+MAX_MESSAGE = 200  # characters
+MAX_RATE, BURST = 60.0, 20  # messages that are read a second, and at once
+TRY_AGAIN_LATER = 1013
+REST = 0.25  # [s] without another tick, after which footsteps and plots are drawn anew
+PLOTTED, NB_POINTS = 8.0, 100  # [s] before a tick that are drawn, and by how many snapshots
+
+router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
+
+
+@router.get("/timeline")
+async def timeline(runner: LiveRunner) -> TimelineBody:
+    """The ticks of the present walk that are kept, the last two minutes, and marks where something happened."""
+    line = await asyncio.wrap_future(runner.timeline())
+    return TimelineBody(
+        walk=line.walk,
+        first_tick=line.first_tick,
+        last_tick=line.last_tick,
+        control_period=line.control_period,
+        marks=[MarkBody(tick=mark.tick, kind=mark.kind, text=mark.text) for mark in line.marks],
+    )
+
+
+@router.get("/timeline/{tick}")
+async def past_tick(tick: Annotated[int, Path(ge=0, le=MAX_TICK)], runner: LiveRunner, past: Past) -> dict[str, Any]:
+    """The snapshot of an earlier tick, or of the nearest one that is kept, without the trajectories of its plan."""
+    snapshot, _, _ = await past.at(tick)
+    return past_json(runner.latest, snapshot)
+
+
+@router.post("/fork")
+async def fork(body: ForkBody, runner: LiveRunner) -> dict[str, Any]:
+    """Go on from an earlier tick; without a change the same walk comes again, to the last bit.
+
+    The walk that was is drawn beside the one that goes on, the live snapshot compares them under `fork`, and it can be
+    saved as the walk before the last reset.
+    """
+    await asyncio.wrap_future(runner.fork(body.to_fork()))
+    return live_json(runner.latest)
+
+
+@router.websocket("/look")
+async def look(
+    socket: WebSocket,
+    runner: LiveRunner,
+    viewer: LiveViewer,
+    past: Past,
+    client: Annotated[str, Query(max_length=64)] = "",
+) -> None:
+    """Show the scene of one browser, by the name of its controls, the ticks that it asks for: `{"tick": 1200}`.
+
+    Each is answered by its snapshot, as the live stream has it. Others go on seeing the present, and so does this one
+    after `{"tick": null}`, or once the socket is closed.
+    """
+    await socket.accept()
+    try:
+        with viewer.past_look(client) as shown:
+            remembering: asyncio.Task[None] | None = None
+            budget = ReadBudget(MAX_RATE, BURST)
+            try:
+                while True:
+                    text = await socket.receive_text()
+                    if remembering is not None:
+                        remembering.cancel()
+                    tick = await _look(text, socket, runner, past, shown)
+                    remembering = None if tick is None else asyncio.create_task(_remember(tick, runner, past, shown))
+                    await asyncio.sleep(budget.take(time.monotonic()))
+            finally:
+                if remembering is not None:
+                    remembering.cancel()
+    except TooManyLooksError as refusal:
+        await socket.close(TRY_AGAIN_LATER, str(refusal))
+    except WebSocketDisconnect:
+        return
+
+
+async def _look(text: str, socket: WebSocket, runner: LiveRunner, past: Past, shown: PastLook) -> int | None:
+    """Carry out a message; the tick that is shown then, None if there is none."""
+    try:
+        tick = LookMessage.model_validate_json(text[:MAX_MESSAGE]).tick
+        if tick is None:
+            shown.leave()
+            return None
+        snapshot, parameters, world = await past.at(tick)
+    except ValidationError as error:
+        await socket.send_json({"error": summary(field_errors(error.errors()))})
+    except (WalkError, NoResponseError) as error:
+        await socket.send_json({"error": str(error)})
+    else:
+        shown.show(snapshot, parameters, world)
+        await socket.send_json(past_json(runner.latest, snapshot))
+        return snapshot.tick
+    return None
+
+
+async def _remember(tick: int, runner: LiveRunner, past: Past, shown: PastLook) -> None:
+    """Draw what was before a tick at which a browser rests."""
+    await asyncio.sleep(REST)
+    nb_ticks = round(PLOTTED / runner.parameters.control_period)
+    with suppress(WalkError, NoResponseError):
+        shown.remember(await past.before(tick, nb_ticks, max(nb_ticks // NB_POINTS, 1)))

@@ -1,0 +1,91 @@
+"""The time line of the page: looking back, tick by tick and playing, and going on from there."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from conftest import PATIENCE, Server, wait_for
+from playwright.sync_api import Browser, Page, expect
+
+SCENE = "<!doctype html><html><body><div data-dock-root><div></div></div></body></html>"
+
+
+@pytest.fixture
+def page(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Page]:
+    """The page without a scene, and a paused walk with a push at tick 151."""
+    api.post("live/pause")
+    api.post("live/reset")
+    api.put("live/reference", json={"vx": 0.2})
+    api.post("live/step", json={"ticks": 150})
+    api.post("live/push", json={"impulse": [0.0, 6.0]})
+    api.post("live/step", json={"ticks": 249})
+    page = browser.new_page()
+    page.set_default_timeout(1e3 * PATIENCE)
+    page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
+    page.goto(server.url)
+    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    page.keyboard.press("t")
+    expect(page.locator("#moment-tick")).to_have_text("tick 399", timeout=1e3 * PATIENCE)
+    yield page
+    page.close()
+
+
+def at(page: Page, tick: int) -> None:
+    """Wait until a tick is asked for and shown."""
+    expect(page.locator("#moment-tick")).to_have_text(f"tick {tick}", timeout=1e3 * PATIENCE)
+    expect(page.locator("#state")).to_have_text("the past", timeout=1e3 * PATIENCE)
+    expect(page.locator("#time")).to_have_text(f"0:{tick * 0.005:04.1f}", timeout=1e3 * PATIENCE)
+
+
+def test_the_past_is_gone_through_tick_by_tick_by_marks_and_by_playing(page, api):
+    page.keyboard.press(",")
+    at(page, 398)
+    page.locator("#mark-back").click()
+    at(page, 151)
+    assert page.locator("#moment-text").inner_text() == "−1.24 s"
+    page.keyboard.press(".")
+    at(page, 152)
+    page.locator("#moment").press("ArrowLeft")
+    at(page, 151)
+    assert page.locator("#marks i").evaluate_all("all => all.map((mark) => mark.dataset.kind)") == ["push"]
+    page.locator("#play-speed").select_option("0.25")
+    page.locator("#play").click()
+    wait_for(lambda: int(page.locator("#moment-tick").inner_text().split()[1]) > 180)
+    page.locator("#play").click()
+    assert api.get("live").json()["tick"] == 399, "nothing of the robot changes"
+    page.locator("#present").click()
+    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+
+
+def test_the_walk_goes_on_from_a_moment_with_the_push_on_the_ring(page, api):
+    walk = api.get("live").json()["walk"]
+    page.locator("#go-on").click()
+    expect(page.locator("#notices")).to_contain_text("earlier moment")
+    page.locator("#mark-back").click()
+    at(page, 151)
+    page.locator("#go-on-with").select_option("push")
+    page.locator("#go-on").click()
+    wait_for(lambda: api.get("live").json()["walk"] == walk + 1)
+    wait_for(lambda: api.get("live").json()["running"])
+    live = api.get("live").json()
+    assert live["fork"]["tick"] == 151 and live["fork"]["was"]["recovery"]["impulse"] == [0.0, 6.0]
+    strength = float(page.locator("#strength").input_value())
+    assert live["fork"]["now"]["recovery"]["impulse"] == pytest.approx([0.0, strength], abs=0.1)
+    expect(page.locator("#state")).not_to_have_text("the past")
+    expect(page.locator("#fork-was")).to_contain_text("cm", timeout=1e3 * PATIENCE)
+
+
+def test_whoever_drives_is_back_in_the_present(page, api):
+    page.keyboard.press(",")
+    at(page, 398)
+    page.keyboard.down("w")
+    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    page.keyboard.up("w")
+
+
+def test_a_reset_ends_the_past(page, api):
+    page.keyboard.press(",")
+    at(page, 398)
+    api.post("live/reset")
+    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    expect(page.locator("#notices")).to_contain_text("began anew", timeout=1e3 * PATIENCE)
