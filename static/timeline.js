@@ -4,6 +4,7 @@
 // time is asked for: the next one goes out when the answer has come, so that a slow connection only shows fewer.
 
 const POLL_PERIOD = 500; // ms
+const MOST_RUNS = 30; // in the menu, the latest
 const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
 const NAMES = { 0.05: "1/20 ×", 0.1: "1/10 ×", 0.25: "1/4 ×", 0.5: "1/2 ×" };
 const NEW_WALK = "The walk began anew, so this is the present again.";
@@ -28,8 +29,11 @@ export class Timeline {
     this.line = null; // what the server keeps
     this.tick = null; // that is to be shown; null for the present
     this.past = null; // that is shown
+    this.run = ""; // id of the recorded run that is looked at; empty for the live walk
     this.isHeld = false;
     this.isPlaying = false;
+    this.source = element("past-of");
+    this.source.addEventListener("change", () => this.open(this.source.value));
     this.toggleButton.addEventListener("click", () => this.toggle());
     this.moment.addEventListener("input", () => this.seek(Number(this.moment.value)));
     for (const type of ["pointerdown", "pointerup", "pointercancel"]) {
@@ -42,7 +46,7 @@ export class Timeline {
     for (const [id, way] of [["mark-back", -1], ["mark-on", 1]]) element(id).addEventListener("click", () => this.jump(way));
     element("present").addEventListener("click", () => this.leave());
     element("go-on").addEventListener("click", () => this.goOn());
-    setInterval(() => this.isOpen && this.load(), POLL_PERIOD);
+    setInterval(() => this.isOpen && !this.run && this.load(), POLL_PERIOD);
   }
 
   get isOpen() {
@@ -55,11 +59,31 @@ export class Timeline {
     if (!isOpen) return this.leave();
     this.onOpen();
     this.load();
+    this.listRuns();
   }
 
   async load() {
-    const line = await this.request("GET", "live/timeline");
-    if (line) this.take(line);
+    const { run } = this;
+    const line = await this.request("GET", run ? `runs/${run}/timeline` : "live/timeline");
+    if (line && run === this.run) this.take(line);
+  }
+
+  /** Offer the runs that are done. */
+  async listRuns() {
+    const runs = (await this.request("GET", "runs")) ?? [];
+    const done = runs.filter(({ status }) => status === "done").slice(0, MOST_RUNS);
+    this.source.replaceChildren(new Option("this walk", ""), ...done.map(({ id, name }) => new Option(name, id)));
+    this.source.value = this.run;
+  }
+
+  /** Look at a recorded run, or at the live walk where its id is empty. */
+  async open(run) {
+    this.leave();
+    this.run = this.source.value = run;
+    this.line = null;
+    element("go-on").disabled = run !== ""; // a recording has poses, and no states to go on from
+    await this.load();
+    if (run && run === this.run && this.line) this.seek(this.line.first_tick);
   }
 
   /** Show which ticks there are. */
@@ -78,7 +102,7 @@ export class Timeline {
     const { last_tick: last, control_period: period } = this.line;
     const tick = this.tick ?? last;
     this.moment.value = tick;
-    const text = this.tick === null ? "now" : `${(tick - last) * period === 0 ? "" : "−"}${((last - tick) * period).toFixed(2)} s`;
+    const text = this.run ? `${(tick * period).toFixed(2)} s` : this.tick === null ? "now" : `${(tick - last) * period === 0 ? "" : "−"}${((last - tick) * period).toFixed(2)} s`;
     this.moment.ariaValueText = text;
     element("moment-text").textContent = text;
     element("moment-tick").textContent = `tick ${tick}`;
@@ -123,14 +147,14 @@ export class Timeline {
   ask() {
     if (this.asked !== null || this.socket.readyState !== WebSocket.OPEN || this.tick === null) return;
     this.asked = this.tick;
-    this.socket.send(JSON.stringify({ tick: this.tick }));
+    this.socket.send(JSON.stringify({ tick: this.tick, run: this.run }));
   }
 
   answer(past) {
     const asked = this.asked;
     this.asked = null;
     if (past.error) return this.leave(past.error);
-    if (past.walk !== this.line.walk) return this.leave(NEW_WALK);
+    if (!this.run && past.walk !== this.line.walk) return this.leave(NEW_WALK);
     this.past = past;
     document.body.classList.add("is-past");
     this.onPast(past);
@@ -145,6 +169,12 @@ export class Timeline {
     const socket = this.socket;
     this.socket = null;
     socket?.close();
+    if (this.run) {
+      this.run = this.source.value = "";
+      this.line = null;
+      element("go-on").disabled = false;
+      if (this.isOpen) this.load();
+    }
     document.body.classList.remove("is-past");
     if (this.line) this.showMoment();
     if (wasPast) this.onPast(null);
@@ -205,7 +235,7 @@ export class Timeline {
 
   /** Follow the live snapshot: a walk that began anew has another past. */
   show(live) {
-    if (this.line && live.walk !== this.line.walk && this.isOpen) this.load();
+    if (this.line && !this.run && live.walk !== this.line.walk && this.isOpen) this.load();
     const { fork } = live;
     element("fork-numbers").hidden = !fork;
     if (!fork) return;

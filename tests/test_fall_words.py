@@ -18,6 +18,7 @@ SOLE = np.array([[-0.1, -0.06], [0.1, -0.06], [0.1, 0.06], [-0.1, 0.06]])
     [
         ((0.1, 0.58), "the step needed was 0.52 m to the left, the region ends at 0.45 m"),
         ((0.72, 0.3), "the step needed was 0.62 m forward, the region ends at 0.40 m"),
+        ((0.0, 0.07), "the step needed was 0.13 m to the left, the region begins at 0.15 m"),
         ((0.0, -0.2), "the step needed was 0.14 m to the right, across the other leg"),
     ],
 )

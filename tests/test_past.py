@@ -101,6 +101,27 @@ def test_one_browser_looks_at_the_past_and_others_at_the_present(server, walk):
     wait_for(lambda: walk.get("live").json()["tick"] > 310)
 
 
+def test_a_saved_run_can_be_looked_at_and_its_time_line_read(server, walk):
+    run = walk.post("live/save", json={"name": "walk"}).raise_for_status().json()["id"]
+    line = walk.get(f"runs/{run}/timeline").raise_for_status().json()
+    assert (line["first_tick"], line["last_tick"]) == (0, 300)
+    assert [(mark["tick"], mark["kind"]) for mark in line["marks"]] == [(151, "push")]
+    live = walk.get("live/timeline/120").json()
+    walk.post("live/reset")
+    with connect(server.socket_url("look?client=me")) as look:
+        for asked, answers in (
+            ({"tick": 120, "run": run}, 120),
+            ({"tick": 9999, "run": run}, 300),
+            ({"tick": 9999}, 0),
+            ({"tick": 1, "run": "unknown"}, None),
+        ):
+            look.send(json.dumps(asked))
+            past = json.loads(look.recv(30))
+            assert past.get("tick") == answers and ("error" in past) is (answers is None)
+            if asked["tick"] == 120:
+                assert past["com_x"] == live["com_x"] and past["q"] == live["q"]
+
+
 def test_no_more_than_a_few_look_at_once(server, walk):
     looks = [connect(server.socket_url(f"look?client={i}")) for i in range(9)]
     for look in looks[:8]:

@@ -257,6 +257,8 @@ def test_last_push_is_drawn_for_a_moment_and_an_older_one_never(scene):
         draw(scene, pushed)
     draw(scene, pushed, pushed)
     assert latest(scene.updates, "visible")[arrow] is False
+    draw(scene, steps(200, push))  # at four times the speed of time, on a machine that draws four frames a second
+    assert latest(scene.updates, "visible")[arrow] is True
 
 
 @pytest.mark.parametrize(

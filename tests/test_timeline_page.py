@@ -89,3 +89,19 @@ def test_a_reset_ends_the_past(page, api):
     api.post("live/reset")
     expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
     expect(page.locator("#notices")).to_contain_text("began anew", timeout=1e3 * PATIENCE)
+
+
+def test_a_saved_run_is_opened_from_the_menu(page, api):
+    run = api.post("live/save", json={"name": "kept"}).raise_for_status().json()["id"]
+    api.post("live/reset")
+    page.locator("#time-back").click()
+    page.locator("#time-back").click()
+    page.locator(f"#past-of option[value='{run}']").wait_for(state="attached")
+    page.locator("#past-of").select_option(run)
+    at(page, 0)
+    assert page.locator("#go-on").is_disabled()
+    page.locator("#mark-on").click()
+    expect(page.locator("#moment-text")).to_have_text("0.76 s")
+    page.locator("#present").click()
+    expect(page.locator("#moment-text")).to_have_text("now", timeout=1e3 * PATIENCE)
+    assert page.locator("#go-on").is_enabled()

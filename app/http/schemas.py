@@ -124,6 +124,7 @@ class LookMessage(Body):
     """Message of a browser that looks at an earlier tick."""
 
     tick: int | None = Field(ge=0, le=MAX_TICK, description="None for the present.")
+    run: str = Field(default="", max_length=64, description="Id of a recorded run; empty for the live walk.")
 
 
 class MarkBody(BaseModel):

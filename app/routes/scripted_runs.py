@@ -9,11 +9,13 @@ from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from app.formats import FORMATS
+from app.formats.stored_run import read_run
 from app.http.guards import MAX_BODY
 from app.http.run_schemas import RunBody, RunSummary, address
 from app.http.scenario_schema import request_schema
-from app.http.schemas import ErrorBody
+from app.http.schemas import ErrorBody, TimelineBody
 from app.routes.dependencies import AllRuns, KnownRun, RoomToFollow
+from app.routes.past_run import run_timeline
 from app.runs import Run, Runs
 
 BUSY: dict[str, Any] = {
@@ -109,6 +111,12 @@ def recording(
 ) -> FileResponse:
     """The recording, the same bytes as from `walk run`; other formats than npz and csv are made on first request."""
     return _download(run, f"recording.{ending}", runs)
+
+
+@router.get("/{run_id}/timeline", responses=NO_RECORDING)
+def run_ticks(run: KnownRun, runs: AllRuns) -> TimelineBody:
+    """The ticks of a run, with marks at its pushes and its fall; `WS /api/v1/live/look` shows them in a scene."""
+    return run_timeline(read_run(runs.file(run.id, "run.json").parent))
 
 
 @router.get("/{run_id}/run.json", response_class=FileResponse, responses=NO_RECORDING)

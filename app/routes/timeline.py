@@ -11,9 +11,12 @@ from pydantic import ValidationError
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody, live_json, past_json
 from app.http.turns import ReadBudget
+from app.live.past import PastTicks
 from app.live.runner import NoResponseError
-from app.routes.dependencies import LiveRunner, LiveViewer, Past
+from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer, Past
 from app.routes.live_robot import REFUSALS
+from app.routes.past_run import RunTicks
+from app.runs import NoRecordingError, Runs, RunsUnavailableError, UnknownRunError
 from app.viewer import PastLook, TooManyLooksError
 from walkcore.errors import WalkError
 from walkcore.values import MAX_TICK
@@ -64,10 +67,12 @@ async def look(
     runner: LiveRunner,
     viewer: LiveViewer,
     past: Past,
+    runs: AllRuns,
     client: Annotated[str, Query(max_length=64)] = "",
 ) -> None:
     """Show the scene of one browser, by the name of its controls, the ticks that it asks for: `{"tick": 1200}`.
 
+    With a `run` beside the tick it is one of a recorded run of the same robot, or the frame next to it.
     Each is answered by its snapshot, as the live stream has it. Others go on seeing the present, and so does this one
     after `{"tick": null}`, or once the socket is closed.
     """
@@ -75,14 +80,15 @@ async def look(
     try:
         with viewer.past_look(client) as shown:
             remembering: asyncio.Task[None] | None = None
+            source = _Source(past, runs)
             budget = ReadBudget(MAX_RATE, BURST)
             try:
                 while True:
                     text = await socket.receive_text()
                     if remembering is not None:
                         remembering.cancel()
-                    tick = await _look(text, socket, runner, past, shown)
-                    remembering = None if tick is None else asyncio.create_task(_remember(tick, runner, past, shown))
+                    tick = await _look(text, socket, runner, source, shown)
+                    remembering = None if tick is None else asyncio.create_task(_remember(tick, runner, source, shown))
                     await asyncio.sleep(budget.take(time.monotonic()))
             finally:
                 if remembering is not None:
@@ -93,17 +99,34 @@ async def look(
         return
 
 
-async def _look(text: str, socket: WebSocket, runner: LiveRunner, past: Past, shown: PastLook) -> int | None:
+class _Source:
+    """What one browser looks at: the live walk's past, or a run that it has opened."""
+
+    def __init__(self, past: PastTicks, runs: Runs) -> None:
+        """Begin with the live walk's past."""
+        self._past, self._runs = past, runs
+        self.ticks: PastTicks | RunTicks = past
+
+    async def choose(self, run: str, runner: LiveRunner) -> None:
+        """Look at a run by its id, or at the past of the live walk where that is empty."""
+        if not run:
+            self.ticks = self._past
+        elif not isinstance(self.ticks, RunTicks) or self.ticks.run_id != run:
+            self.ticks = await RunTicks.opened(run, self._runs, runner.robot)
+
+
+async def _look(text: str, socket: WebSocket, runner: LiveRunner, source: _Source, shown: PastLook) -> int | None:
     """Carry out a message; the tick that is shown then, None if there is none."""
     try:
-        tick = LookMessage.model_validate_json(text[:MAX_MESSAGE]).tick
-        if tick is None:
+        message = LookMessage.model_validate_json(text[:MAX_MESSAGE])
+        if message.tick is None:
             shown.leave()
             return None
-        snapshot, parameters, world = await past.at(tick)
+        await source.choose(message.run, runner)
+        snapshot, parameters, world = await source.ticks.at(message.tick)
     except ValidationError as error:
         await socket.send_json({"error": summary(field_errors(error.errors()))})
-    except (WalkError, NoResponseError) as error:
+    except (WalkError, NoResponseError, UnknownRunError, NoRecordingError, RunsUnavailableError) as error:
         await socket.send_json({"error": str(error)})
     else:
         shown.show(snapshot, parameters, world)
@@ -112,9 +135,9 @@ async def _look(text: str, socket: WebSocket, runner: LiveRunner, past: Past, sh
     return None
 
 
-async def _remember(tick: int, runner: LiveRunner, past: Past, shown: PastLook) -> None:
+async def _remember(tick: int, runner: LiveRunner, source: _Source, shown: PastLook) -> None:
     """Draw what was before a tick at which a browser rests."""
     await asyncio.sleep(REST)
     nb_ticks = round(PLOTTED / runner.parameters.control_period)
     with suppress(WalkError, NoResponseError):
-        shown.remember(await past.before(tick, nb_ticks, max(nb_ticks // NB_POINTS, 1)))
+        shown.remember(await source.ticks.before(tick, nb_ticks, max(nb_ticks // NB_POINTS, 1)))

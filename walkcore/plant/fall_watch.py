@@ -64,16 +64,17 @@ class NeededStep:
     needed: float
     """Along one axis of the support foot's frame [m]."""
     limit: float
-    """End of the foothold region on that side [m]."""
+    """Edge of the foothold region on that side [m]."""
     is_sideways: bool
     """Whether the axis is the foot's y, and not its x."""
 
     def in_words(self) -> str:
         """The step and the region."""
         way = direction_in_words(0.0, self.needed) if self.is_sideways else direction_in_words(self.needed, 0.0)
-        end = (
-            f"the region ends at {abs(self.limit):.2f} m" if self.needed * self.limit > 0.0 else "across the other leg"
-        )
+        end = "across the other leg"
+        if self.needed * self.limit > 0.0:  # else the other leg stands in the way
+            verb = "begins" if abs(self.needed) < abs(self.limit) else "ends"
+            end = f"the region {verb} at {abs(self.limit):.2f} m"
         return f"the step needed was {abs(self.needed):.2f} m {way}, {end}"
 
 

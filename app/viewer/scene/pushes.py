@@ -26,6 +26,7 @@ LENGTH, LENGTH_PER_SPEED = 0.15, 0.9  # [m], [m per m/s] of the velocity that th
 LENGTH_PER_WEIGHT = 2.65  # [m] of the arrow of a force as large as the weight
 SHAFT = 0.022  # [m]
 SECONDS_SHOWN = 0.6
+RECENT = 2.4  # [s] of simulated time, which passes up to four times as fast
 STEP_STYLE = PolygonStyle(PUSH, 0.010, opacity=0.35, thickness=3.0)  # above the steps planned without the push
 LABEL_LIFT = 0.12  # [m] above the arrow
 
@@ -47,7 +48,7 @@ class PushDrawing:
         snapshot, push = frame.snapshot, frame.history.new_push
         self._seconds_left = max(0.0, self._seconds_left - frame.elapsed)
         # An older one was given while nobody was watching.
-        if push is not None and (snapshot.tick - push.tick) * frame.parameters.control_period < SECONDS_SHOWN:
+        if push is not None and (snapshot.tick - push.tick) * frame.parameters.control_period < RECENT:
             self._seconds_left = SECONDS_SHOWN
             points = arrow_away(-np.array(push.impulse), CHEST * snapshot.com_height, self._robot)[:, ::-1]
             updates.properties(self._arrow, points=points)
