@@ -27,7 +27,7 @@ CORE = """
     pushes snapshot state simulation
     scenario.expectations scenario.events scenario.scenario
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
-    analysis.metrics analysis.push_bound
+    analysis.metrics analysis.push_bound analysis.survival analysis.sweep
     robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
     scenario.recording scenario.session scenario.replay
 """.split()
