@@ -32,8 +32,8 @@ CORE = """
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
-    settings descriptions jobs robot_files drawing live viewer formats runs http bench figures report footholds routes
-    main commands
+    settings descriptions jobs robot_files drawing live viewer formats runs http bench figures report footholds sweeps
+    routes main commands
 """.split()
 
 
