@@ -32,6 +32,10 @@ class SweepCommand:
     """Processes; by default one for each core, or all that the scheduler has."""
     scheduler: str | None = None
     """Address of a Dask scheduler whose workers do the work, such as tcp://host:8786."""
+    bound: bool = False
+    """Draw what any such controller could survive at most into the roses: takes as long again as the sweep."""
+    replay: tuple[int, ...] = ()
+    """Numbers of cells to be shown in 3-D, one push survived and one not."""
     dry_run: bool = False
     """Tell the number of cells and what they would cost, and walk none."""
     schema: bool = False
@@ -69,7 +73,9 @@ class SweepCommand:
 
     def _run(self, sweep: Sweep, out: Path) -> int:
         from app.sweeps.cells import CellStore
-        from app.sweeps.engine import SweepProgress, run_sweep, sweep_versions
+        from app.sweeps.engine import SweepProgress, lowest_bounds, run_sweep, sweep_versions
+        from app.sweeps.results import write_results
+        from app.sweeps.summary import summary_rows, text_table
 
         store = CellStore(out, sweep, sweep_versions(sweep))
         interval = 0.5 if sys.stderr.isatty() else 30.0  # a log gets a line now and then
@@ -87,7 +93,10 @@ class SweepCommand:
                 kept = f"{len(store.outcomes)} of {sweep.nb_cells} cells are kept in {out}"
                 print(f"walk: stopped; {kept}, and the same command goes on from there", file=sys.stderr)
                 return INTERRUPTED
-        print(f"{sweep.name}: {sweep.nb_cells} cells written to {store.write_table()}")
+        table = store.write_table()
+        bounds = lowest_bounds(sweep, self.workers, self.scheduler) if self.bound else ()
+        print(text_table(summary_rows(write_results(out, bounds, self.replay))))
+        print(f"{sweep.name}: {sweep.nb_cells} cells written to {table}, and a page to see them: {out / 'sweep.html'}")
         return 0
 
 
@@ -102,3 +111,30 @@ def _duration(seconds: float) -> str:
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 99.5 * 60 else f"{seconds / 3600:.1f} h"
+
+
+@dataclass(frozen=True, slots=True)
+class SweepCompareCommand:
+    """Put two sweeps side by side: which cells became better, which worse, and by how much.
+
+    Walks of the same robot, parameters and reference belong together; those that are left, in their order, where robot
+    and reference are the same.
+    """
+
+    before: tyro.conf.Positional[Path]
+    """Folder that `walk sweep` wrote."""
+    after: tyro.conf.Positional[Path]
+    """Another one."""
+
+    def __call__(self) -> None:
+        """Read, compare and print."""
+        from app.sweeps.cells import read_cells
+        from app.sweeps.comparison import comparison_rows, extremes, paired
+        from app.sweeps.summary import text_table
+
+        one, other = (read_cells(folder)[:2] for folder in (self.before, self.after))
+        tolerance = max(sweep.pushes.scan.tolerance for sweep, _ in (one, other))
+        pairs = paired(one, other)
+        print(text_table(comparison_rows(pairs, tolerance)))
+        for line in extremes(pairs, tolerance):
+            print(line)

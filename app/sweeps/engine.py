@@ -21,16 +21,18 @@ import numpy as np
 
 from app.settings import usable_cores
 from app.sweeps.cells import CellStore
-from walkcore.analysis.sweep import CellOutcome, Sweep, nominal_walk, outcome, sweep_from_mapping
+from walkcore.analysis.sweep import CellOutcome, Sweep, cell_bound, nominal_walk, outcome, sweep_from_mapping
 from walkcore.command import Push
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import package_versions
+from walkcore.values import Vector
 
 TASK = 20.0
 """Time that a task is to take [s]: long against what it costs to hand it over, short against what a kill loses."""
 TASKS_WAITING = 2  # for each worker, so that none waits for the next one
 CONNECTION_TIMEOUT = 10.0  # [s] for a scheduler to answer
 PARENT_PERIOD = 0.5  # [s] between two looks whether the parent is still there
+BOUNDED_PHASES = 4  # phases for which the bound is computed
 PROBED_WALKS = 3  # walks whose trials are timed for an estimate
 
 
@@ -199,6 +201,33 @@ def walk_cells(source: str, versions: Mapping[str, str], first: int, nb: int, as
         for index in range(first, first + nb):
             outcomes.append(outcome(sweep, sweep.cell(index)))
     return CellsDone(first, tuple(outcomes), time.monotonic() - started)
+
+
+def lowest_bounds(sweep: Sweep, nb_workers: int | None = None, scheduler: str | None = None) -> list[Vector]:
+    """For each walk, by direction, the impulse that no controller of `push_bound` survives in the worst phase [N s].
+
+    Of the phases at most four are looked at, evenly spaced.
+
+    Args:
+        sweep: whose walks they are.
+        nb_workers: as of `run_sweep`.
+        scheduler: as of `run_sweep`.
+    """
+    nb_phases, nb_directions = sweep.pushes.phases, sweep.pushes.directions
+    phases = range(0, nb_phases, max(1, nb_phases // BOUNDED_PHASES))
+    source = json.dumps(sweep.source)
+    calls = (
+        joblib.delayed(_lowest_bound)(source, [first + phase for phase in phases])
+        for first in range(0, sweep.nb_cells, nb_phases)
+    )
+    with _workers(nb_workers, scheduler) as nb_parallel:
+        found = cast(list[float], joblib.Parallel(n_jobs=nb_parallel)(calls))
+    return list(np.reshape(found, (len(sweep.walks), nb_directions)))
+
+
+def _lowest_bound(source: str, cells: list[int]) -> float:
+    with ONE_AT_A_TIME:
+        return min(cell_bound(_sweep(source), _sweep(source).cell(index)) for index in cells)
 
 
 @cache
