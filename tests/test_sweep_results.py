@@ -138,6 +138,9 @@ def test_the_same_walks_are_compared_and_then_those_of_the_same_robot_and_refere
     turned = [*outcomes[8:16], *outcomes[:8], *outcomes[24:], *outcomes[16:24]]
     pairs = paired((SWEEP, outcomes), (reordered, turned))
     assert len(pairs) == 4 and all(set(pair.changes.values()) == {0.0} for pair in pairs)
+    swapped = sweep_from_mapping(SOURCE | {"parameters": SOURCE["parameters"][::-1]})
+    pairs = paired((SWEEP, outcomes), (swapped, [*outcomes[16:], *outcomes[:16]]))
+    assert all(set(pair.changes.values()) == {0.0} for pair in pairs), "the same parameters belong together"
     worse = paired((SWEEP, outcomes_of(SWEEP, 5.0)), (SWEEP, outcomes_of(SWEEP)))
     assert next(extremes(worse, 1.0)).startswith("  -5.0 N s")
     with pytest.raises(WalkError, match="have no cell in common"):
