@@ -61,8 +61,8 @@ browser:
 # One lock for everything; taken from it, what the container runs and what it is built with.
 LOCK := $(BIN)/uv pip compile --universal --generate-hashes --python-version 3.11 --quiet
 lock:
-	$(LOCK) pyproject.toml --extra dev --output-file requirements.lock
-	$(LOCK) pyproject.toml --constraint requirements.lock --output-file requirements-runtime.lock
+	$(LOCK) pyproject.toml --extra cluster --extra dev --output-file requirements.lock
+	$(LOCK) pyproject.toml --extra cluster --constraint requirements.lock --output-file requirements-runtime.lock
 	$(LOCK) --group build --constraint requirements.lock --output-file requirements-build.lock
 
 # docs/client.ipynb with its outputs, from a server that runs at WALK_SERVER (http://localhost:8000).

@@ -10,6 +10,7 @@ from app.commands import cli
 from app.formats import FORMATS
 from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
 from walkcore import load_scenario, scenario_names
+from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.scenario.expectations import METRICS
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -20,7 +21,9 @@ DOCUMENTS = {
     for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "benchmarks" / "README.md")
 }
 FOLDERS = ("walkcore", "app", "static", "tests", "benchmarks", "docs", "deploy")
-WRITTEN = {"growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json"}  # by commands, to a user's folder
+WRITTEN = {  # by commands, to a user's folder
+    *("growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json", "sweep.json", "sweep.html", "speed.svg"),
+}
 ROUTERS = (
     *(module.router for module in (live_robot, timeline, driver_lease, scripted_runs, service, sockets)),
     service.metrics_router,
@@ -122,6 +125,14 @@ def test_the_documents_list_every_scheme_scenario_metric_and_format():
 def test_the_example_of_a_scenario_is_one():
     (example,) = re.findall(r"```yaml\n(.*?)```", DOCUMENTS["docs/scenarios.md"], flags=re.DOTALL)
     assert len(scenario_from_mapping(yaml.safe_load(example)).expectations) == 3
+
+
+def test_the_example_of_a_sweep_is_one_and_every_key_is_told():
+    text = DOCUMENTS["docs/sweeps.md"]
+    (example,) = re.findall(r"```yaml\n(.*?)```", text, flags=re.DOTALL)
+    assert sweep_from_mapping(yaml.safe_load(example)).nb_cells == 512
+    told = {name.strip("`") for cell, *_ in rows(text, "## A sweep") for name in cell.split("`, `")}
+    assert told == {*KEYS, *(f"pushes.{key}" for key in PUSH_KEYS)} - {"name", "description", "pushes"}
 
 
 def test_the_readme_lists_every_module_that_it_describes():

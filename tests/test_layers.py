@@ -27,13 +27,13 @@ CORE = """
     pushes model planner snapshot coupling state simulation
     scenario.expectations scenario.events scenario.scenario
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
-    analysis.metrics analysis.push_bound
+    analysis.metrics analysis.push_bound analysis.survival analysis.sweep
     robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
     settings descriptions jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats runs
-    http bench figures report footholds routes main commands
+    http bench figures report footholds sweeps routes main commands
 """.split()
 
 

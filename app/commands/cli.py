@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from app.commands.robot_commands import FootholdsCommand, ImportCommand, RobotsCommand
 from app.commands.run_commands import CompareCommand, ReportCommand, RunCommand, ScenariosCommand
+from app.commands.sweep_commands import SweepCommand, SweepCompareCommand
 from walkcore import Parameters, WalkError
 
 
@@ -88,6 +89,8 @@ SubCommand = (
     | Annotated[ScenariosCommand, tyro.conf.subcommand("scenarios")]
     | Annotated[RobotsCommand, tyro.conf.subcommand("robots")]
     | Annotated[FootholdsCommand, tyro.conf.subcommand("footholds")]
+    | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
+    | Annotated[SweepCompareCommand, tyro.conf.subcommand("sweep-compare")]
     | Annotated[ImportCommand, tyro.conf.subcommand("import")]
 )
 

@@ -133,13 +133,13 @@ def _html(out: Path, title: str, text: str, sections: Sequence[Section]) -> str:
         parts += [f"<p>{escape(section.sentence)}</p>"] if section.sentence else []
         if section.rows:
             parts.append(_html_table(section.rows))
-        parts += [f"<figure>{_svg(out / f'{figure}.svg', figure)}</figure>" for figure in section.figures]
+        parts += [f"<figure>{embedded_figure(out / f'{figure}.svg', figure)}</figure>" for figure in section.figures]
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
     body = "\n".join(parts)
     return f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head><body>\n{body}\n</body></html>\n'
 
 
-def _svg(path: Path, prefix: str) -> str:
+def embedded_figure(path: Path, prefix: str) -> str:
     """A figure for a page: without its prologue, and with ids that no other figure has."""
     drawing = path.read_text(encoding="utf-8")
     drawing = drawing[drawing.index("<svg") :]

@@ -35,6 +35,16 @@ TWIN_COLUMNS = {"com_x", "com_y", "cop_x", "cop_y", "status"} | {
 """Columns that the ideal robot beside another plant has, too, with `twin_` before their names, as its joints have."""
 
 
+def package_versions(plant: str) -> dict[str, str]:
+    """Versions of the packages that decide the numbers of a walk.
+
+    Args:
+        plant: that it has.
+    """
+    packages = ("walk", *PACKAGES, *(() if plant == "ideal" else (PHYSICS,)))
+    return {name: version(name) for name in packages} | {"python": platform.python_version()}
+
+
 def row(snapshot: Snapshot) -> dict[str, float]:
     """The columns of a recording at one tick, without the joints: SI units, world frame."""
     s = snapshot
@@ -134,15 +144,10 @@ class Recording:
             "scenario": self.scenario.source,
             "parameters": self.parameters,
             "parameter_changes": self.parameter_changes,
-            "versions": {name: version(name) for name in self._packages} | {"python": platform.python_version()},
+            "versions": package_versions(self.scenario.parameters.plant),
             "metrics": measured,
             "expectations": [asdict(verdict) for verdict in _verdicts(self.scenario, measured)],
         }
-
-    @property
-    def _packages(self) -> tuple[str, ...]:
-        """Packages that decide the numbers."""
-        return ("walk", *PACKAGES, *(() if self.scenario.parameters.plant == "ideal" else (PHYSICS,)))
 
     def run_json(self) -> str:
         """The text of run.json."""
