@@ -181,7 +181,7 @@ class NominalWalk:
 
         A robot that has recovered, and has walked one more step by the paper's QP, converges to its steady walk: the
         distance shrinks to less than half with each step. With fixed step timing a DCM that no step can catch is out
-        of reach for good, since no later step comes sooner. `survives_to_the_end` decides the same; a test compares them.
+        of reach for good, since no later step comes sooner. `survives_to_the_end` decides the same, as a test shows.
 
         Args:
             phase: of the step, in [0, 1).
