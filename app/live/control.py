@@ -357,7 +357,7 @@ class Control:
         return self.parameters
 
     def tidy(self) -> None:
-        """Do the work that can wait for the pause between two ticks; takes less than 1 ms."""
+        """Do the work that can wait for the pause between two ticks; takes about 1 ms."""
         self._log.pack()
 
     def fail(self, error: Exception) -> LiveState:

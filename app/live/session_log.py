@@ -26,9 +26,9 @@ from walkcore.scenario.session import session_scenario
 from walkcore.state import SimulationState
 from walkcore.values import frozen_copy
 
-KEPT = 120.0  # [s] at least, of simulated time: 60 MB with Talos in physics
+KEPT = 120.0  # [s] at least, of simulated time: 47 MB with Talos in physics
 SAVED = 60.0  # [s] of them, at least, that become a run
-TICKS_PER_SEGMENT = 10  # so few that packing them takes about 1 ms, and that they go by one message
+TICKS_PER_SEGMENT = 10  # so few that packing them takes 2 ms at most, and that they go by one message
 COMPRESSION = 1  # the fastest of zlib, which halves a segment
 LENGTH = struct.Struct("<Q")  # bytes of the segment that follows in a file
 NOTHING = frozen_copy(np.zeros((0, 2)))
@@ -71,11 +71,26 @@ class PackedSegment:
     @classmethod
     def of(cls, segment: Segment) -> "PackedSegment":
         """Pack a segment."""
-        return cls(segment.state.model.tick, zlib.compress(pickle.dumps(segment, pickle.HIGHEST_PROTOCOL), COMPRESSION))
+        return _Pickled.of(segment).compressed()
 
     def unpacked(self) -> Segment:
         """The segment."""
         return unpacked(self.data)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pickled:
+    """A segment that is half packed: both halves together take too long for one pause between two ticks."""
+
+    first_tick: int
+    data: bytes
+
+    @classmethod
+    def of(cls, segment: Segment) -> "_Pickled":
+        return cls(segment.state.model.tick, pickle.dumps(segment, pickle.HIGHEST_PROTOCOL))
+
+    def compressed(self) -> PackedSegment:
+        return PackedSegment(self.first_tick, zlib.compress(self.data, COMPRESSION))
 
 
 def unpacked(data: bytes) -> Segment:
@@ -91,6 +106,7 @@ class SessionLog:
         self._simulation = simulation
         nb_segments = _nb_segments(KEPT, simulation)
         self._packed: deque[PackedSegment] = deque(maxlen=nb_segments)
+        self._pickled: deque[_Pickled] = deque()
         self._full: deque[Segment] = deque(maxlen=nb_segments)
         self._growing: Segment | None = None
         self._before_reset: list[bytes] = []
@@ -146,21 +162,23 @@ class SessionLog:
             growing.changes[len(growing.ticks)] = parameters
 
     def pack(self) -> None:
-        """Pickle one full segment."""
-        if self._full:
-            self._packed.append(PackedSegment.of(self._full.popleft()))
+        """Pack one full segment by a half."""
+        if self._pickled:
+            self._packed.append(self._pickled.popleft().compressed())
+        elif self._full:
+            self._pickled.append(_Pickled.of(self._full.popleft()))
 
     @property
     def first_tick(self) -> int:
         """The first tick that is kept."""
-        first = next(iter((*self._packed, *self._full)), self._growing)
+        first = next(iter((*self._packed, *self._pickled, *self._full)), self._growing)
         if first is None:
             return self._simulation.state.model.tick
-        return first.first_tick if isinstance(first, PackedSegment) else first.state.model.tick
+        return first.state.model.tick if isinstance(first, Segment) else first.first_tick
 
     def kept(self) -> list[PackedSegment]:
         """All segments since the last reset that are kept."""
-        while self._full:
+        while self._full or self._pickled:
             self.pack()
         return [*self._packed, *([] if self._growing is None else [PackedSegment.of(self._growing)])]
 
