@@ -179,9 +179,9 @@ class NominalWalk:
     def survives(self, phase: float, push: Push, seed: int | None = None) -> bool:
         """Whether the robot survives a push, decided as soon as that is certain.
 
-        A robot that has recovered, and has walked one more step by the paper's QP, converges to its steady walk: the
-        distance shrinks to less than half with each step. With fixed step timing a DCM that no step can catch is out
-        of reach for good, since no later step comes sooner. `survives_to_the_end` decides the same, as a test shows.
+        A robot that has recovered, and has walked one more step by the paper's QP, converges to its steady walk: each
+        step leaves less than half of the distance. With fixed step timing a DCM that no step can catch is out of reach
+        for good, since no later step comes sooner. `survives_to_the_end` decides the same; a test compares them.
 
         Args:
             phase: of the step, in [0, 1).
