@@ -46,7 +46,8 @@ def test_a_walk_is_written_by_a_process_of_its_own_as_it_would_be_here(runs, ses
     thread = threading.Thread(target=lambda: runs.add_session(session, "driven", HRP2))
     thread.start()
     wait_for(lambda: seen.update(p.name for p in active_children()) or not thread.is_alive())
-    assert seen == {"walk job"} and active_children() == []
+    ours = {p.name for p in active_children() if not p.name.startswith("Loky")}  # those are of sweeps in other tests
+    assert {name for name in seen if not name.startswith("Loky")} == {"walk job"} and not ours
     (run,) = runs.list()
     assert (run.status, run.name, run.robot) == ("done", "driven", "hrp2")
     Session.unpacked(session).recording("driven", HRP2).write(tmp_path / "here")

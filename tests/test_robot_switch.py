@@ -123,7 +123,8 @@ def test_a_robot_that_cannot_walk_is_refused_and_the_one_before_walks_on(api, ro
     if robot == "nobody":
         assert "hrp2" in response.text and "small" in response.text, "the choices"
     health = api.get("health").json()
-    assert (health["robot"], health["status"], health["control_process"]) == ("hrp2", "ok", process)
+    assert (health["robot"], health["control_process"]) == ("hrp2", process)
+    assert health["status"] != "unhealthy"  # a busy machine may be behind real time
     tick = api.get("live").json()["tick"]
     wait_for(lambda: api.get("live").json()["tick"] > tick)
 

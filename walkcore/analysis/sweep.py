@@ -22,6 +22,7 @@ from walkcore.command import Push
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.plain_yaml import load_yaml
 from walkcore.plant.world import MAX_SEED
+from walkcore.robot_file import DEFAULT_ROBOT
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
 from walkcore.values import Vector, check_keys, check_list, check_mapping, check_range, check_text, check_whole
 
@@ -194,7 +195,7 @@ def _pushes(data: Any) -> PushGrid:
 
 def _walks(values: Mapping[str, Any], pushes: PushGrid) -> tuple[Scenario, ...]:
     """Every combination of the lists, judged as the scenario of its nominal walk with the hardest push."""
-    lists: dict[str, list[Any]] = {"robots": ["talos"], "parameters": [{}], "references": [{}]}
+    lists: dict[str, list[Any]] = {"robots": [DEFAULT_ROBOT], "parameters": [{}], "references": [{}]}
     for key, default in lists.items():
         lists[key] = check_list(key, values.get(key, default), MAX_WALKS)
         if not lists[key]:
