@@ -33,6 +33,7 @@ def test_the_client_of_the_documentation_follows_the_robot(server: Server):
     assert len(times) >= 2 and times == sorted(times) and times[-1] > times[0]
 
 
+@pytest.mark.exhaustive
 def test_the_notebook_runs(server: Server, tmp_path):
     cells = json.loads((DOCS / "client.ipynb").read_text(encoding="utf-8"))["cells"]
     assert all(cell["outputs"] for cell in cells if cell["cell_type"] == "code"), "make notebook"
