@@ -1,4 +1,4 @@
-"""What a sweep tells: sums, figures, the page from disk, and two sweeps side by side."""
+"""Results of a sweep: sums, figures, the page from disk, and two sweeps side by side."""
 
 import json
 import re

@@ -32,7 +32,7 @@ from walkcore.state import SimulationState
 logger = logging.getLogger(__name__)
 
 PAST = ReferenceCommand(Reference(), "past")
-"""Who drives while a forked walk follows the commands that came then."""
+"""Driver that is told while a forked walk follows the commands of the walk that was."""
 MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 

@@ -29,7 +29,7 @@ WARM_UP = 3.0  # [s] before a fork from which its recovery is judged: two steps,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fork:
-    """Where a walk is to go on, and what is to be different."""
+    """Request to go on from an earlier tick, with what is to be different there."""
 
     tick: int
     """First tick that is taken again."""
@@ -128,7 +128,7 @@ def _change(simulation: Simulation, parameters: Parameters) -> None:
 
 @dataclass(frozen=True, slots=True)
 class WalkNumbers:
-    """What became of a walk since a tick."""
+    """Figures of a walk since a tick: its fall, recovery, CoP margin and velocity error."""
 
     fell_at: float | None
     """Time of the fall [s]; None while it is up."""

@@ -63,7 +63,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedSegment:
-    """A segment in as few bytes as it takes about no time to make."""
+    """A segment, pickled and compressed."""
 
     first_tick: int
     data: bytes

@@ -100,7 +100,7 @@ async def look(
 
 
 class _Source:
-    """What one browser looks at: the live walk's past, or a run that it has opened."""
+    """Past of the live walk, or a run that was opened, as one browser looks at it."""
 
     def __init__(self, past: PastTicks, runs: Runs) -> None:
         """Begin with the live walk's past."""

@@ -49,7 +49,7 @@ class SweepProgress:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What a sweep is going to cost."""
+    """Expected cost of a sweep."""
 
     nb_cells: int
     nb_trials: int
@@ -248,7 +248,7 @@ def _sweep(source: str) -> Sweep:
 
 
 def estimate(sweep: Sweep) -> Estimate:
-    """What a sweep is going to cost, from trials of some of its walks, which are timed in this process."""
+    """Expected cost of a sweep, from trials of some of its walks, which are timed in this process."""
     walks = np.unique(np.linspace(0, len(sweep.walks) - 1, PROBED_WALKS).astype(int)).tolist()
     seconds = float(np.mean([_seconds_per_trial(sweep, walk) for walk in walks])) * sweep.nb_trials * sweep.nb_cells
     return Estimate(sweep.nb_cells, sweep.nb_trials * sweep.nb_cells, seconds)

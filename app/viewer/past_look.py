@@ -1,4 +1,4 @@
-"""What one browser is shown while it looks at an earlier tick: a scene and plots of its own, of the same nodes.
+"""Scene and plots of one browser that looks at an earlier tick, over the nodes that all browsers share.
 
 viser's nodes are the same for all browsers. But our changes of them go to each browser by the broadcaster, so that one
 can be sent others: those of a second scene, whose drawings make no nodes, since the live one's have made all of them.

@@ -92,7 +92,7 @@ class Viewer:
 
     @contextlib.contextmanager
     def past_look(self, page: str) -> Iterator[PastLook]:
-        """What the scene of one page is shown instead of the present, as long as somebody holds it.
+        """Ticks of the past for the scene of one page, which shows them instead of the present while this is held.
 
         Args:
             page: id, as its controls send it.

@@ -259,7 +259,7 @@ def _is_noisy(walk: Scenario) -> bool:
 
 
 def outcome(sweep: Sweep, cell: Cell) -> CellOutcome:
-    """What is survived in a cell: a function of the sweep and the cell alone."""
+    """Outcome of a cell: the impulses that are survived, a function of the sweep and the cell alone."""
     walk = nominal_walk(sweep, cell.walk)
     if walk.has_fallen:
         return CellOutcome(None, None)

@@ -125,7 +125,7 @@ class ViableSets:
         self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
 
     def __getstate__(self) -> dict[str, Any]:
-        """What goes from one process to another: all but the cache."""
+        """State for pickling: all attributes but the cache, which is made anew."""
         return {name: value for name, value in vars(self).items() if name != "_fixed_parts"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -39,7 +39,7 @@ class PointStyle:
     colour: Colour
     line: Colour
     radius: float
-    """Of a robot of size 1 [m]."""
+    """Radius of the dot for a robot of size 1 [m]."""
     height: float
     """Height of the dot [m], so that none hides another."""
     hole: float = 0.0
