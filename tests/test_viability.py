@@ -15,7 +15,7 @@ from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import foothold_vertices, inset_vertices
 from walkcore.mpc.stance import Footstep, Side, mirrored
-from walkcore.mpc.viability import Allowance, Landings, ViableSets, support_of_reachable
+from walkcore.mpc.viability import Allowance, Landings, Outline, ViableSets
 
 TALOS = replace(load_robot("talos"), body=None)
 OMEGA = Pendulum(TALOS.com_height).omega
@@ -35,7 +35,7 @@ def test_the_reachable_part_of_a_region_is_found_by_linear_programming_too():
         foot, reach, normal = rng.uniform([-0.6, 0.0], [0.6, 0.7]), rng.uniform(0.01, 0.5, 2), rng.normal(size=2)
         box = [(foot[i] - reach[i], foot[i] + reach[i]) for i in (0, 1)]
         found = linprog(-normal, A_ub=rows, b_ub=bounds, bounds=box)
-        support = support_of_reachable(region, foot, reach[None], normal[None])[0, 0]
+        support = Outline(region).support_within(foot, reach[None], normal[None])[0, 0]
         seen.add(found.status)
         assert support == -math.inf if found.status == 2 else support == pytest.approx(-found.fun, abs=1e-9)
     assert seen == {0, 2}

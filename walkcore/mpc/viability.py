@@ -30,12 +30,11 @@ from scipy.spatial import ConvexHull
 from walkcore.cache import instance_cache
 from walkcore.mpc.capture import StepTiming, strides, viable_after_double_support
 from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices
-from walkcore.mpc.stance import Footstep, Side, convex_hull, mirrored
+from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
 TINY = 1e-12
-SIGNS = frozen_copy([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 MAX_TURNS = 64  # turns of the next foot whose parts are kept; a straight walk has one
 
 
@@ -118,7 +117,7 @@ class ViableSets:
         self._after_double_support = {side: [by_side[side] for by_side in sets] for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._regions = {
-            side: [convex_hull(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
+            side: [Outline(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
             for side in Side
         }
         self._normals = {side: _normals_of_edges(robot, side.other) for side in Side}
@@ -164,7 +163,7 @@ class ViableSets:
         n, band = self._normals[support.side], closest_band(self._bands, turn * swing.side.sign)
         S, S_next, V_next = self._fixed_parts(support.side, turn)
         reach = landings.in_air[:, None] * self._max_speed
-        F = support_of_reachable(self._regions[swing.side][band], foot, reach, n)
+        F = self._regions[swing.side][band].support_within(foot, reach, n)
         e, a = np.exp(-omega * landings.to_touchdown)[:, None], math.exp(omega * self._double_support)
         kappa = _share_of_present_cop(omega * landings.to_sample)[:, None]
         moving = e * (a + 1) / (2 * a) * F - n @ xi + kappa * (n @ z)
@@ -200,38 +199,54 @@ def support_function(vertices: Matrix, normals: Matrix) -> Vector:
     return np.max(normals @ vertices.T, axis=1)
 
 
-def support_of_reachable(region: Matrix, foot: Vector, reach: Matrix, normals: Matrix) -> Matrix:
-    """Support functions of what boxes around the foot in the air cut out of a region, shape (K, n).
+class Outline:
+    """A convex polygon with V corners, prepared to be cut by boxes."""
 
-    The corners of a cut are corners of the region inside of the box, corners of the box inside of the region, and
-    places where an edge of the region crosses a side of the box.
+    def __init__(self, corners: Matrix) -> None:
+        """Prepare the lines of its edges.
 
-    Args:
-        region: corners of a convex polygon, in their order [m], shape (V, 2).
-        foot: in the air [m], shape (2,).
-        reach: half widths of the boxes [m], shape (K, 2).
-        normals: shape (n, 2).
+        Args:
+            corners: [m], shape (V, 2).
+        """
+        self._corners, self._least, self._most = corners, corners.min(axis=0), corners.max(axis=0)
+        normals, offsets = np.split(ConvexHull(corners).equations, [2], axis=1)
+        across = normals[:, ::-1].T  # y on lines x = u, then x on lines y = u; all that follows has shape (2, V)
+        is_bound = np.abs(across) > TINY
+        divisor = np.where(is_bound, across, 1.0)
+        self._slope = np.where(is_bound, -normals.T / divisor, 0.0)
+        self._lower = np.where(is_bound & (across < 0.0), -offsets.T / divisor, -np.inf)
+        self._upper = np.where(is_bound & (across > 0.0), -offsets.T / divisor, np.inf)
 
-    Returns:
-        Minus infinity where nothing can be reached.
-    """
-    p, d = region - foot, np.roll(region, -1, axis=0) - region
-    lines = np.concatenate([reach, -reach], axis=1)  # x, y, -x, -y of the sides of each box
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = (lines[:, None] - np.tile(p, 2)) / np.tile(d, 2)  # fraction of each edge, shape (K, V, 4)
-        crossings = (p[:, None] + s[..., None] * d[:, None]).reshape(len(reach), -1, 2)
-    is_on_edge = ((s >= 0.0) & (s <= 1.0)).reshape(len(reach), -1)  # never for a NaN
-    corners = reach[:, None] * SIGNS
-    outward = np.stack([d[:, 1], -d[:, 0]], axis=1)
-    outward *= np.sign(outward[0] @ (p[0] - p.mean(axis=0)))
-    points = np.concatenate([np.broadcast_to(p, (len(reach), *p.shape)), crossings, corners], axis=1)
-    counts = np.all(np.abs(points) <= reach[:, None] + TINY, axis=2)
-    counts[:, len(p) : -len(SIGNS)] &= is_on_edge
-    counts[:, -len(SIGNS) :] = np.all(corners @ outward.T <= np.vecdot(outward, p) + TINY, axis=2)
-    support = np.full((len(reach), len(normals)), -np.inf)
-    corners_of_box = np.count_nonzero(counts, axis=1)
-    boxes = np.flatnonzero(corners_of_box)
-    if len(boxes):
-        first = np.concatenate([[0], np.cumsum(corners_of_box[boxes])[:-1]])
-        support[boxes] = np.maximum.reduceat(points[counts] @ normals.T, first, axis=0)
-    return support + normals @ foot
+    def support_within(self, foot: Vector, reach: Matrix, normals: Matrix) -> Matrix:
+        """Support functions of what boxes around the foot in the air cut out of the polygon.
+
+        The corners of a cut are the corners of the polygon inside of the box, and both ends of what the polygon
+        leaves of each side of the box, or of the polygon's own end where that side lies beyond it.
+
+        Args:
+            foot: in the air [m], shape (2,).
+            reach: half widths of the boxes [m], shape (K, 2).
+            normals: shape (n, 2).
+
+        Returns:
+            Shape (K, n); minus infinity where nothing can be reached.
+        """
+        least, most = foot - reach, foot + reach
+        u = np.stack([np.maximum(least, self._least), np.minimum(most, self._most)], axis=2)  # (K, 2 axes, 2 sides)
+        lines = self._slope[:, None] * u[..., None]
+        first = np.maximum((self._lower[:, None] + lines).max(axis=3), least[:, ::-1, None])
+        last = np.minimum((self._upper[:, None] + lines).min(axis=3), most[:, ::-1, None])
+        is_cut = (first <= last + TINY) & (u[..., :1] <= u[..., 1:] + TINY)
+
+        points = np.empty((len(reach), 8 + len(self._corners), 2))
+        ends = points[:, :8].reshape(-1, 2, 2, 2, 2)  # axis, first or last, side, coordinate
+        for axis in (0, 1):
+            ends[:, axis, :, :, axis] = u[:, axis, None]
+            ends[:, axis, 0, :, 1 - axis], ends[:, axis, 1, :, 1 - axis] = first[:, axis], last[:, axis]
+        points[:, 8:] = self._corners
+        counts = np.empty(points.shape[:2], dtype=bool)
+        counts[:, :8].reshape(-1, 2, 2, 2)[:] = is_cut[:, :, None]
+        counts[:, 8:] = np.all(
+            (self._corners >= least[:, None] - TINY) & (self._corners <= most[:, None] + TINY), axis=2
+        )
+        return np.where(counts[..., None], points @ normals.T, -np.inf).max(axis=1)
