@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import viser
@@ -30,8 +31,8 @@ from walkcore.values import Vector, rotation
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
 NOWHERE = np.full(2, np.nan)  # a point that there is not, which no plot draws
-HEIGHT = 140  # pixels
-TIME_AXIS = uplot.Axis(label="time [s]", size=22, labelSize=14, labelGap=0, gap=2)
+HEIGHT = 150  # pixels
+TIME_AXIS = uplot.Axis(label="time [s]", size=26, labelSize=18, labelGap=2, gap=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +42,22 @@ class Line:
     label: str
     colour: Colour
     is_dashed: bool = False
+    may_be_absent: bool = False
+    """Whether it is NaN in the ideal model, of which uPlot finds no range."""
 
     def series(self) -> uplot.Series:
         """Style of the line for uPlot."""
-        dash = {"dash": (5.0, 4.0)} if self.is_dashed else {}
         stroke = "rgb({},{},{})".format(*self.colour)
-        return uplot.Series(label=self.label, stroke=stroke, width=1.5, points={"show": False}, **dash)  # type: ignore[arg-type]
+        style: Any = {"points": {"show": False}, "auto": not self.may_be_absent}
+        if self.is_dashed:
+            style["dash"] = 5.0, 4.0
+        return uplot.Series(label=self.label, stroke=stroke, width=1.5, **style)
 
 
 COP_LINES = (
     Line("CoP", COP_TRAIL),
     Line("true", TRUE_COP),
-    Line("contact", GROUND_COP),
+    Line("contact", GROUND_COP, may_be_absent=True),
     Line("from", SUPPORT, is_dashed=True),
     Line("to", SUPPORT, is_dashed=True),
 )
@@ -161,14 +166,16 @@ class PlotsTab:
         self.show(updates, self._live)
 
     def show(self, updates: SceneUpdates, time: PlottedTime) -> None:
-        """Send the plots of some time to whom these updates go."""
+        """Send the plots of some time to whom these updates go; those of contact physics are hidden without it."""
         columns = time.columns
         if not columns:
             return
         times, *values = columns
         first = 0
         for drawn, plot in zip(self.plots, PLOTS.values(), strict=True):
-            updates.control(drawn, data=(times, *values[first : first + len(plot.lines)]))
+            lines = values[first : first + len(plot.lines)]
+            is_there = not all(np.isnan(line).all() for line in lines)
+            updates.control(drawn, data=(times, *lines), visible=is_there)
             first += len(plot.lines)
 
 
