@@ -3,6 +3,7 @@
 Coroutines where nothing blocks, since FastAPI takes a thread for each plain function.
 """
 
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import Depends
@@ -37,11 +38,16 @@ async def _lease(connection: HTTPConnection) -> DriverLease:
     return connection.app.state.lease
 
 
+async def _lesson_folder(connection: HTTPConnection) -> Path | None:
+    return connection.app.state.lesson_folder
+
+
 async def _past(connection: HTTPConnection) -> PastTicks:
     return connection.app.state.past
 
 
 Lease = Annotated[DriverLease, Depends(_lease)]
+LessonFolder = Annotated[Path | None, Depends(_lesson_folder)]
 LiveRunner = Annotated[Runner, Depends(_runner)]
 LiveSwitch = Annotated[RobotSwitch, Depends(_switch)]
 LiveViewer = Annotated[Viewer, Depends(_viewer)]
