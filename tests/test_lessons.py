@@ -201,12 +201,21 @@ def test_a_shipped_lesson_can_be_replaced_and_a_folder_may_be_missing(tmp_path, 
     assert str(files[NAMES[0]]).startswith(str(tmp_path))
 
 
+# A browser calls an observer once all is done that follows from a change, so a walk that was not shown leaves no trace.
+NOTES_WATCHING = """addEventListener("DOMContentLoaded", () => {
+  const note = ([{ target }]) => (window.watched ||= target.classList.contains("is-watching"));
+  const card = document.getElementById("lesson"); // which the frame of the scene does not have
+  if (card) new MutationObserver(note).observe(card, { attributeFilter: ["class"] });
+});"""
+
+
 def test_the_page_asks_shows_the_walk_and_says_what_it_measured(browser: Browser, server: Server, api: httpx.Client):
     page = browser.new_page()
     page.set_default_timeout(1e3 * PATIENCE)
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
+    page.add_init_script(NOTES_WATCHING)
     page.goto(f"{server.url}#lesson=0-own")
     expect(page.locator("#lesson-title")).to_have_text("Does it stand?", timeout=1e3 * PATIENCE)
     expect(page.locator("#lesson-run")).to_be_disabled()
@@ -217,6 +226,7 @@ def test_the_page_asks_shows_the_walk_and_says_what_it_measured(browser: Browser
     expect(state).to_have_text("The experiment says otherwise: It stands.", timeout=1e3 * PATIENCE)
     expect(page.locator("#lesson-result td")).to_have_text("10.0 cm")
     expect(page.locator("#lesson-after strong")).to_have_text("Nothing.")
+    assert page.evaluate("window.watched")
     page.locator("#lesson-again button").click()
     expect(state).to_contain_text("You see: Standing")
     expect(state).to_have_text("The experiment says otherwise: It stands.", timeout=1e3 * PATIENCE)
