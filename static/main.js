@@ -1,5 +1,6 @@
 // Wiring of the page: input goes to the server, the state of the robot comes back.
 
+import { Booth, isBooth } from "./booth.js";
 import { openDialog } from "./dialogs.js";
 import { DriverDisplay } from "./driver.js";
 import { DriverLease } from "./driver_lease.js";
@@ -199,5 +200,6 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   },
 });
 offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
-tour.offer();
+if (isBooth()) new Booth();
+else tour.offer();
 addEventListener("hashchange", () => location.reload()); // a link of the list of presets
