@@ -28,11 +28,12 @@ from app.http.seats import Seats
 from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
 from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
+from app.live.booth import Booth
 from app.live.driver_lease import DriverLease
 from app.live.past import PastTicks
 from app.robot_choices import RobotChoices
 from app.robot_switch import RobotSwitch
-from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
+from app.routes import booth, driver_lease, lessons, live_robot, scripted_runs, service, sockets, timeline
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
@@ -116,6 +117,8 @@ def create_app(settings: Settings) -> FastAPI:
         favicon_url="/static/icon.svg",
     )
     app.state.switch, app.state.runs, app.state.streams, app.state.lease = switch, runs, streams, lease
+    app.state.booth = Booth(lambda: switch.runner, lease)
+    app.state.lesson_folder = settings.walk_lessons
     app.state.past = PastTicks(lambda: switch.runner)
     app.state.followed = FollowedRuns(runs)
     app.state.metrics = LiveMetrics(
@@ -136,7 +139,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
     app.add_middleware(EndingMiddleware)
-    for routes in (live_robot, timeline, driver_lease, sockets, scripted_runs, service):
+    for routes in (live_robot, timeline, driver_lease, booth, sockets, scripted_runs, lessons, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
     app.include_router(scene_router(lambda: switch.viewer, seats))

@@ -47,6 +47,8 @@ class Settings(BaseSettings):
     """Plant that the joints move at the start: auto takes contact physics where this machine keeps up with it."""
     scene: Literal["full", "light"] = "full"
     """Detail of the scene: light has coarser meshes and no shadows, for browsers without a graphics card."""
+    walk_lessons: Path | None = None
+    """Folder of further lessons (`NAME.md`); one with the name of a shipped one takes its place."""
     walk_token: SecretStr = SecretStr("")
     """Token that page, sockets and API require; empty requires none."""
     walk_view_token: SecretStr = SecretStr("")

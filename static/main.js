@@ -1,5 +1,6 @@
 // Wiring of the page: input goes to the server, the state of the robot comes back.
 
+import { Booth, isBooth } from "./booth.js";
 import { openDialog } from "./dialogs.js";
 import { DriverDisplay } from "./driver.js";
 import { DriverLease } from "./driver_lease.js";
@@ -7,6 +8,7 @@ import { GamepadDialog } from "./gamepad_dialog.js";
 import { Gamepads } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
+import { Lessons } from "./lessons.js";
 import { notify } from "./notices.js";
 import { PRESETS, Presets } from "./presets.js";
 import { PushDial, PushReport, RandomPushes } from "./push.js";
@@ -74,9 +76,13 @@ const timeline = new Timeline({
   impulse: () => dial.impulse,
   onOpen: () => matchMedia("(max-width: 576px)").matches && scene.showPanel(false), // there is room for one of them
   onTrouble: (text) => notify(text),
-  onPast: (past) => showMoment(past ?? latest, past !== null),
+  onPast: (past) => {
+    showMoment(past ?? latest, past !== null);
+    if (past === null) lessons.showPresent();
+  },
 });
 const presets = new Presets({ onError: showError });
+const lessons = new Lessons({ timeline, onError: showError });
 const tour = new Tour();
 const views = new Views({
   onTurn: (angle) => {
@@ -193,6 +199,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
     status.lost();
   },
 });
-offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS });
-tour.offer();
+offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
+if (isBooth()) new Booth();
+else tour.offer();
 addEventListener("hashchange", () => location.reload()); // a link of the list of presets

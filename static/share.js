@@ -42,11 +42,12 @@ async function copied(text) {
 }
 
 /** Take the view in the address, and offer to apply its other choices: by a button, because they are for everybody. */
-export async function offerLink({ onView, onPreset, presets }) {
+export async function offerLink({ onView, onPreset, presets, onLesson }) {
   const parts = [location.search, location.hash].flatMap((text) => [...new URLSearchParams(text.slice(1))]);
-  const { view, preset, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
-  const forget = () => history.replaceState(null, "", location.pathname);
+  const { view, preset, lesson, booth, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
+  const forget = () => history.replaceState(null, "", location.pathname + (booth === undefined ? "" : location.search));
   if (view !== undefined) onView(view);
+  if (lesson !== undefined) onLesson(String(lesson));
   if (preset in presets) {
     const actions = [{ text: "Play", onClick: () => onPreset(preset).catch((error) => notify(error.message, { level: "bad" })) }];
     forget();

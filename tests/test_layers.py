@@ -25,7 +25,7 @@ CORE = """
     plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant
     plant.driver_state plant.driver
     pushes model planner snapshot coupling state simulation
-    scenario.expectations scenario.events scenario.scenario
+    scenario.expectations scenario.events scenario.scenario scenario.lesson
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound analysis.survival analysis.sweep
     robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import

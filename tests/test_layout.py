@@ -35,7 +35,7 @@ TROUBLE = """(required) => {
   const found = [];
   const controls = "button, select, input, .joystick, .turn, .ring, .caption, .who, #views, #alarm-text, .track, .when";
   const isThere = (e) =>
-    !e.closest("dialog, #notices") && e.checkVisibility({visibilityProperty: true}) &&
+    !e.closest("dialog, #notices, #lesson > :not(header)") && e.checkVisibility({visibilityProperty: true}) &&
     (e.textContent || !e.matches(".caption"));
   const shown = [...document.querySelectorAll(controls)].filter(isThere);
   const ids = new Set(shown.map((e) => e.id));
@@ -94,9 +94,14 @@ def bring_about(state: str, page: Page, api: httpx.Client) -> None:
 
 
 def trouble(
-    page: Page, sizes: list[tuple[int, int]], state: str, fonts: list[str], more: frozenset[str] = frozenset()
+    page: Page,
+    sizes: list[tuple[int, int]],
+    state: str,
+    fonts: list[str],
+    more: frozenset[str] = frozenset(),
+    lowest: int = 480,
 ) -> list[str]:
-    """All that is wrong at some sizes, with the panel and without; `more` is open below."""
+    """All that is wrong at some sizes, with the panel and without; `more` is open, with the pads from a height on."""
     found = []
     for font in fonts:
         page.evaluate("(font) => (document.documentElement.style.fontFamily = font)", font)
@@ -107,7 +112,7 @@ def trouble(
                 page.set_viewport_size({"width": width, "height": height})
                 page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
                 required = ALWAYS | {"time-back"} | MORE[state] | (more if width > 576 or not has_panel else set())
-                if not has_panel and state != "fallen" and (not more or height >= 480):
+                if not has_panel and state != "fallen" and (not more or height >= lowest):
                     required |= PADS
                 wrong = page.evaluate(TROUBLE, sorted(required))
                 found += [f"{width}x{height} {state} {'panel ' * has_panel}{font}: {each}" for each in wrong]
@@ -128,6 +133,52 @@ def test_the_time_line_fits_too_and_lies_on_nothing(page, api):
     page.locator("#time-back").click()
     expect(page.locator("#fork-numbers")).to_be_visible(timeout=1e3 * PATIENCE)
     assert trouble(page, SIZES, "paused", FONTS[1:], frozenset(TIME_LINE)) == []
+
+
+REACHED = """async (names) => {
+  const card = document.getElementById("lesson"), { left, right, top, bottom } = card.getBoundingClientRect();
+  const inside = document.querySelector("iframe").contentDocument;
+  const inner = inside.querySelector("[data-dock-root] > *").getBoundingClientRect();
+  const scene = document.querySelector("main").getBoundingClientRect();
+  const isInside = left >= 0 && top >= scene.top && right <= inner.right && bottom <= scene.top + inner.bottom;
+  const found = isInside ? [] : ["the card is outside"];
+  if (card.scrollWidth > card.clientWidth) found.push("the card is too narrow");
+  for (const e of card.querySelectorAll(names)) {
+    e.scrollIntoView({ block: "center" });
+    const box = e.getBoundingClientRect();
+    const hit = document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2);
+    if (!e.contains(hit)) found.push(`${e.id || e.tagName} cannot be reached`);
+  }
+  card.scrollTop = 0;
+  return found;
+}"""
+
+
+def lesson_trouble(page: Page, sizes: list[tuple[int, int]], fonts: list[str]) -> list[str]:
+    """All that is wrong with an open lesson and what is around it."""
+    page.locator("#presets").click()
+    page.locator("#lessons-list button").first.click()
+    expect(page.locator("#lesson")).to_be_visible(timeout=1e3 * PATIENCE)
+    found = trouble(page, sizes, "walking", fonts, frozenset({"lesson-end"}), lowest=660)
+    for width, height in sizes:
+        page.set_viewport_size({"width": width, "height": height})
+        if page.evaluate("document.body.classList.contains('has-panel')"):
+            page.evaluate("document.getElementById('panel').click()")
+        page.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+        found += [f"{width}x{height}: {each}" for each in page.evaluate(REACHED, "label, #lesson-run")]
+    return found
+
+
+def test_a_lesson_fits_and_all_of_it_can_be_reached(page, api):
+    bring_about("walking", page, api)
+    assert lesson_trouble(page, SIZES, FONTS[1:]) == []
+
+
+@pytest.mark.exhaustive
+@pytest.mark.timeout(1800)
+def test_a_lesson_fits_every_window(page, api):
+    bring_about("walking", page, api)
+    assert lesson_trouble(page, [(width, height) for height in HEIGHTS for width in WIDTHS], FONTS[1:]) == []
 
 
 @pytest.mark.exhaustive

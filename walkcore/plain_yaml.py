@@ -40,14 +40,28 @@ def load_yaml(file: Path | Traversable, what: str) -> Any:
     """
     with file.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
+    return parse_yaml(content, what, str(file))
+
+
+def parse_yaml(content: bytes, what: str, source: str) -> Any:
+    """The plain values of a text in YAML or JSON, in UTF-8 or UTF-16.
+
+    Args:
+        content: to be read.
+        what: name of it, with which the fields in messages begin.
+        source: file that it came from, for messages.
+
+    Raises:
+        InvalidValueError: naming the field, its value and its limit.
+    """
     if len(content) > MAX_BYTES:
-        raise InvalidValueError(what, str(file), f"must be at most {MAX_BYTES} bytes")
+        raise InvalidValueError(what, source, f"must be at most {MAX_BYTES} bytes")
     try:
         value = _Reader(content, what).document()
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, InvalidValueError):
             raise
-        raise InvalidValueError(what, str(file), f"is not YAML: {' '.join(str(error).split())}") from error
+        raise InvalidValueError(what, source, f"is not YAML: {' '.join(str(error).split())}") from error
     check_size(what, value)  # again, as an alias stands for as many values as its anchor
     return value
 

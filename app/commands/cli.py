@@ -16,6 +16,7 @@ from typing import Annotated, Literal
 import tyro
 from pydantic import ValidationError
 
+from app.commands.lesson_commands import LessonsCommand
 from app.commands.robot_commands import FootholdsCommand, ImportCommand, RobotsCommand
 from app.commands.run_commands import CompareCommand, ReportCommand, RunCommand, ScenariosCommand
 from app.commands.sweep_commands import SweepCommand, SweepCompareCommand
@@ -87,6 +88,7 @@ SubCommand = (
     | Annotated[BenchCommand, tyro.conf.subcommand("bench")]
     | Annotated[FiguresCommand, tyro.conf.subcommand("figures")]
     | Annotated[ScenariosCommand, tyro.conf.subcommand("scenarios")]
+    | Annotated[LessonsCommand, tyro.conf.subcommand("lessons")]
     | Annotated[RobotsCommand, tyro.conf.subcommand("robots")]
     | Annotated[FootholdsCommand, tyro.conf.subcommand("footholds")]
     | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]

@@ -42,6 +42,10 @@ def install(app: FastAPI, seats: Seats) -> None:
             return full_page(STATIC / "full.html")
         return FileResponse(STATIC / "index.html", headers=REVALIDATE)
 
+    @app.get("/phone", include_in_schema=False)
+    async def phone() -> FileResponse:
+        return FileResponse(STATIC / "phone.html", headers=REVALIDATE)
+
     app.mount("/static", GZipMiddleware(PageFiles(directory=STATIC)), name="static")
 
 

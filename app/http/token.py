@@ -30,8 +30,15 @@ Role = Literal["operator", "viewer"]
 
 SIGN_IN = "/signin"
 HEALTH = "/api/v1/health"  # health checks have no token
-TELEOP = "/api/v1/live/teleop"
-OPEN = {SIGN_IN, HEALTH, "/static/style.css", "/static/icon.svg", "/static/signin.js"}
+COMMANDING = {"/api/v1/live/teleop", "/api/v1/live/booth/screen"}  # websockets that let the robot walk
+PHONE = "/api/v1/live/booth/phone"  # websocket whose visitors show a key of their own, and no token
+OPEN = {SIGN_IN, HEALTH, "/phone", PHONE} | {
+    f"/static/{file}"
+    for file in (
+        *("style.css", "icon.svg", "signin.js"),
+        *("phone.css", "phone.js", "joystick.js", "reconnecting_socket.js"),
+    )
+}
 COOKIE_AGE = 30 * 24 * 3600  # [s]
 LOOKING_ONLY = "the view token only looks: driving, pushing and changing take the operator's token"
 
@@ -110,7 +117,7 @@ class TokenMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on, or refuse: with the form where a person looks at a page, else with 401, 403 or 429."""
-        if scope["type"] not in ("http", "websocket") or (scope["type"] == "http" and scope["path"] in OPEN):
+        if scope["type"] not in ("http", "websocket") or scope["path"] in OPEN:
             await self._app(scope, receive, send)
             return
         headers, address = Headers(scope=scope), address_of(scope)
@@ -131,7 +138,7 @@ class TokenMiddleware:
 
 
 def _only_looks(scope: Scope) -> bool:
-    return scope["path"] != TELEOP if scope["type"] == "websocket" else scope["method"] in READING
+    return scope["path"] not in COMMANDING if scope["type"] == "websocket" else scope["method"] in READING
 
 
 def address_of(scope: Scope) -> str:

@@ -17,7 +17,8 @@ class ReferenceCommand:
 
     reference: Reference
     driver: str
-    """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders", "rest", or "past" while a
+    """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders", "rest", "phone" and
+    "booth" of a booth's visitors and of its walk without them, or "past" while a
     forked walk follows the commands that came then."""
     expires_after: float = math.inf
     """Time on the wall after which the reference becomes zero [s]."""

@@ -3,11 +3,13 @@
 Coroutines where nothing blocks, since FastAPI takes a thread for each plain function.
 """
 
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from app.live.booth import Booth
 from app.live.driver_lease import DriverLease
 from app.live.past import PastTicks
 from app.live.runner import Runner
@@ -37,14 +39,24 @@ async def _lease(connection: HTTPConnection) -> DriverLease:
     return connection.app.state.lease
 
 
+async def _booth(connection: HTTPConnection) -> Booth:
+    return connection.app.state.booth
+
+
+async def _lesson_folder(connection: HTTPConnection) -> Path | None:
+    return connection.app.state.lesson_folder
+
+
 async def _past(connection: HTTPConnection) -> PastTicks:
     return connection.app.state.past
 
 
 Lease = Annotated[DriverLease, Depends(_lease)]
+LessonFolder = Annotated[Path | None, Depends(_lesson_folder)]
 LiveRunner = Annotated[Runner, Depends(_runner)]
 LiveSwitch = Annotated[RobotSwitch, Depends(_switch)]
 LiveViewer = Annotated[Viewer, Depends(_viewer)]
+TheBooth = Annotated[Booth, Depends(_booth)]
 Past = Annotated[PastTicks, Depends(_past)]
 AllRuns = Annotated[Runs, Depends(_runs)]
 
