@@ -9,7 +9,7 @@ import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
 import { notify } from "./notices.js";
 import { PRESETS, Presets } from "./presets.js";
-import { PushDial, PushReport, RandomPushes } from "./push.js";
+import { PushDial, PushLimit, PushReport, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
 import { UnreachableError, request } from "./requests.js";
@@ -67,6 +67,7 @@ const dial = new PushDial({
     teleop.push(impulse);
   },
 });
+const pushLimit = new PushLimit(dial);
 
 const timeline = new Timeline({
   client: teleop.client,
@@ -186,7 +187,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   onMessage: (live) => {
     latest = live;
     if (!timeline.past) showMoment(live, false);
-    for (const part of [driver, time, pushReport, randomPushes, presets, timeline, robotMenu]) part.show(live);
+    for (const part of [driver, time, pushReport, pushLimit, randomPushes, presets, timeline, robotMenu]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

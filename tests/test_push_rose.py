@@ -1,17 +1,21 @@
 """The rose of pushes: what the controller says of each push, and the bound around it."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import wait_for
+from scene_reader import latest
 
 from app.live import push_roses
 from app.live.live_state import LiveState
 from app.live.push_roses import PushRoses
+from app.viewer import LIGHT
+from app.viewer.scene.scene import WORLD, Scene
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.analysis.push_bound import StepClass, largest_impulse
-from walkcore.analysis.push_rose import NB_HALVINGS, NB_INTERVALS, is_survived, push_rose
+from walkcore.analysis.push_rose import NB_DIRECTIONS, NB_HALVINGS, NB_INTERVALS, PushRose, is_survived, push_rose
 from walkcore.mpc.plan import Status
 
 TALOS = replace(load_robot("talos"), body=None)
@@ -61,6 +65,16 @@ def test_what_a_petal_promises_comes_true(walk):
     walk.restore(state)
 
 
+def test_no_push_counts_as_survived_that_no_step_can_catch_or_that_needs_longer_legs(walk):
+    direction = np.array([0.0, 1.0])
+    bound = largest_impulse(walk.preview(Command(AHEAD)), TALOS, 0.1, direction, StepClass())
+    lethal, light = (
+        walk.preview(Command(AHEAD, Push(impulse * direction, frame="world"))) for impulse in (1.2 * bound, 2.0)
+    )
+    assert not is_survived(lethal, max_com_distance=math.inf)
+    assert is_survived(light, TALOS.max_com_distance) and not is_survived(light, max_com_distance=0.0)
+
+
 def test_a_robot_that_lies_has_no_rose():
     simulation = Simulation(TALOS, PARAMETERS)
     snapshot = simulation.step(Command(push=Push([0.0, 200.0])))
@@ -108,3 +122,27 @@ def test_roses_come_while_they_are_asked_for_of_the_latest_state_and_after_the_d
     wait_for(lambda: roses.latest is not None and roses.latest.tick == first + 1)
     monkeypatch.setattr(push_roses, "KEPT_FOR", 0.0)
     assert roses.latest is None, "nobody asks any more"
+
+
+def test_the_rose_is_drawn_around_the_robot_in_its_heading_frame_while_there_is_one(walk, viser_server):
+    scene = Scene(viser_server, TALOS, LIGHT)
+    assert "push_rose" not in scene.shown, "it costs a process"
+    scene.show("push_rose", True)
+    survived = np.linspace(10.0, 25.0, NB_DIRECTIONS)
+    rose = PushRose(0, survived, 1.5 * survived)
+    snapshot, node = walk.preview(Command(AHEAD)), f"{WORLD}/push_rose/at_com"
+    scene.draw(snapshot, PARAMETERS, 0.03, push_rose=rose)
+    assert latest(scene.updates, "visible")[node]
+    x, y, _ = latest(scene.updates, "position")[node]
+    assert (x, y) == pytest.approx(snapshot.com.position, abs=1e-4)
+    w, _, _, z = latest(scene.updates, "wxyz")[node]
+    assert 2 * math.atan2(z, w) == pytest.approx(snapshot.heading, abs=1e-4)
+    corners = latest(scene.updates, "vertices")[f"{node}/survived"][1:, :2]
+    angles = np.unwrap(np.arctan2(corners[:, 1], corners[:, 0]))
+    assert angles == pytest.approx(rose.directions, abs=0.01)
+    assert np.hypot(*corners.T) / np.hypot(*corners[0]) == pytest.approx(survived / survived[0], abs=0.02)
+    edge = latest(scene.updates, "points")[f"{node}/bound"][:, 0, :2]
+    assert edge == pytest.approx(1.5 * corners, abs=2e-3)
+    assert latest(scene.updates, "text")[f"{node}/weakest"] == "10 of 15 N·s"
+    scene.draw(snapshot, PARAMETERS, 0.03)
+    assert not latest(scene.updates, "visible")[node]

@@ -13,12 +13,12 @@ from walkcore.analysis.push_rose import NB_DIRECTIONS, PushRose
 from walkcore.mpc.plan import Status
 from walkcore.values import Vector
 
-LENGTH_PER_SPEED = 2.4  # [m per m/s] of the velocity that the impulse gives, of a robot of size 1
-FARTHEST = 1.0  # [m/s] beyond which nothing is drawn: a robot of size 1 would see it 2.4 m away
+LENGTH_PER_SPEED = 1.3  # [m per m/s] of the velocity that the impulse gives, of a robot of size 1
+FARTHEST = 1.0  # [m/s] beyond which nothing is drawn: a robot of size 1 would see it 1.3 m away
 HEIGHT = 0.004  # [m]
-OPACITY = 0.35
+OPACITY = 0.45
 FACES: Faces = np.array([[0, 1 + k, 1 + (k + 1) % NB_DIRECTIONS] for k in range(NB_DIRECTIONS)], dtype=np.uint32)
-LABEL_HEIGHT = 0.02  # [m]
+LABEL_PLACE, LABEL_HEIGHT = 0.7, 0.02  # of the way to the edge, [m]
 
 
 class PushRoseDrawing:
@@ -63,8 +63,8 @@ class PushRoseDrawing:
         updates.properties(self._edge, points=outline(survived[1:]))
         updates.properties(self._bound, points=outline(bound[1:]))
         weakest = int(np.argmin(rose.survived))
-        x, y = bound[1 + weakest, :2].tolist()
-        updates.position(self._label, (1.15 * x, 1.15 * y, LABEL_HEIGHT))
+        x, y = (LABEL_PLACE * survived[1 + weakest, :2]).tolist()
+        updates.position(self._label, (x, y, LABEL_HEIGHT))
         updates.properties(self._label, text=f"{rose.survived[weakest]:.0f} of {rose.bound[weakest]:.0f} N·s")
 
 
