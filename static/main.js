@@ -11,7 +11,7 @@ import { Keyboard } from "./keyboard.js";
 import { Lessons } from "./lessons.js";
 import { notify } from "./notices.js";
 import { PRESETS, Presets } from "./presets.js";
-import { PushDial, PushReport, RandomPushes } from "./push.js";
+import { PushDial, PushLimit, PushReport, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
 import { UnreachableError, request } from "./requests.js";
@@ -69,6 +69,7 @@ const dial = new PushDial({
     teleop.push(impulse);
   },
 });
+const pushLimit = new PushLimit(dial);
 
 const timeline = new Timeline({
   client: teleop.client,
@@ -192,7 +193,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   onMessage: (live) => {
     latest = live;
     if (!timeline.past) showMoment(live, false);
-    for (const part of [driver, time, pushReport, randomPushes, presets, timeline, robotMenu]) part.show(live);
+    for (const part of [driver, time, pushReport, pushLimit, randomPushes, presets, timeline, robotMenu]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

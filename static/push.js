@@ -109,6 +109,38 @@ export class PushReport {
   }
 }
 
+/** How hard a push in the direction of the ring would be survived now, where the rose of pushes is drawn. */
+export class PushLimit {
+  /** @param {PushDial} dial */
+  constructor(dial) {
+    this.dial = dial;
+    this.caption = document.getElementById("push-limit");
+  }
+
+  show({ push_rose: rose, status }) {
+    const words = rose && status !== 2 ? this.words(rose) : "";
+    if (this.caption.textContent !== words) this.caption.textContent = words;
+    this.caption.dataset.outcome = words.startsWith("too hard") ? "bad" : "";
+  }
+
+  words(rose) {
+    const { degrees, strength } = this.dial;
+    const survived = inDirection(rose.survived, degrees);
+    if (survived >= strength.max) return `survives all of ${strength.max} N·s from here`;
+    const most = Math.max(survived, inDirection(rose.bound, degrees));
+    const [rounded, bound] = [survived, most].map((impulse) => impulse.toFixed(strength.step < 1 ? 1 : 0));
+    const limit = `survives ${rounded} of ${bound} N·s from here`;
+    return Number(strength.value) > survived ? `too hard: ${limit}` : limit;
+  }
+}
+
+/** Value between those of evenly spaced directions, the first straight ahead, counter-clockwise. */
+function inDirection(values, degrees) {
+  const at = (within(degrees) / 360 + 1) * values.length;
+  const [before, after] = [Math.floor(at), Math.floor(at) + 1].map((k) => values[k % values.length]);
+  return before + (at % 1) * (after - before);
+}
+
 function outcome({ impulse, survived, steps, shortened }) {
   const strength = `${Math.hypot(...impulse).toFixed(0)} N·s`;
   if (survived === null) return `${strength}: catching itself …`;

@@ -320,6 +320,28 @@ def test_page_tells_what_became_of_the_last_push(visit, api):
     expect(page.get_by_test_id("status")).to_contain_text(UP)
 
 
+SHOW_LIMIT = """async ([degrees, value]) => {
+  const { PushLimit } = await import("/static/push.js");
+  const rose = { survived: [40, 20, 10, 60], bound: [50, 30, 12, 90] };  // ahead, left, back, right
+  new PushLimit({ degrees, strength: { value, max: 60, step: 1 } }).show({ push_rose: rose, status: 0 });
+  const caption = document.getElementById("push-limit");
+  return [caption.textContent, caption.dataset.outcome];
+}"""
+
+
+def test_beside_the_dial_stands_how_hard_a_push_in_its_direction_would_be_survived(visit):
+    page = visit()
+    expect(page.get_by_test_id("push-limit")).to_be_hidden()
+    found = {aim: page.evaluate(SHOW_LIMIT, aim) for aim in ((0, 12), (45, 12), (180, 12), (-90, 60), (-135, 12))}
+    assert found == {
+        (0, 12): ["survives 40 of 50 N·s from here", ""],
+        (45, 12): ["survives 30 of 40 N·s from here", ""],
+        (180, 12): ["too hard: survives 10 of 12 N·s from here", "bad"],
+        (-90, 60): ["survives all of 60 N·s from here", ""],
+        (-135, 12): ["survives 35 of 51 N·s from here", ""],
+    }
+
+
 def test_push_pressed_before_the_connection_is_open_is_given_once_it_is(visit, api):
     page, held = visit(), []
     page.route("**/teleop_worker.js*", lambda route: held.append(route))

@@ -33,7 +33,7 @@ class SweepCommand:
     scheduler: str | None = None
     """Address of a Dask scheduler whose workers do the work, such as tcp://host:8786."""
     bound: bool = False
-    """Draw what any such controller could survive at most into the roses: takes as long again as the sweep."""
+    """Draw what any such controller could survive at most into the roses."""
     replay: tuple[int, ...] = ()
     """Numbers of cells to be shown in 3-D, one push survived and one not."""
     dry_run: bool = False

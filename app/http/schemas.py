@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, replace
 from typing import Any, Literal, Self
 
+import numpy as np
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.live.fork import Fork
@@ -12,6 +13,7 @@ from app.live.runner import INTERVALS, SPEEDS, LiveState
 from app.live.tick_scheduler import LATENESS_EDGES, TickTiming
 from app.live.timeline import MarkKind
 from walkcore import Push, Reference, Robot, Snapshot
+from walkcore.analysis.push_rose import PushRose, is_survived
 from walkcore.scenario.recording import plant_columns, row
 from walkcore.values import MAX_TICK
 
@@ -294,6 +296,16 @@ def live_json(state: LiveState) -> dict[str, Any]:
         "fault": state.fault,
         "walk": state.walk,
         "fork": None if state.comparison is None else asdict(state.comparison),
+        "push_rose": None if state.push_rose is None else push_rose_json(state.push_rose),
+    }
+
+
+def push_rose_json(rose: PushRose) -> dict[str, Any]:
+    """How hard a push in each direction would be survived [N s], from straight ahead on counter-clockwise."""
+    return {
+        "tick": rose.tick,
+        "survived": np.round(rose.survived, 1).tolist(),
+        "bound": np.round(rose.bound, 1).tolist(),
     }
 
 
@@ -311,6 +323,7 @@ def past_json(state: LiveState, snapshot: Snapshot) -> dict[str, Any]:
             last_push=None,
             twin_difference="",
             comparison=None,
+            push_rose=None,
             driver="past",
             driver_client="",
         )
@@ -319,11 +332,9 @@ def past_json(state: LiveState, snapshot: Snapshot) -> dict[str, Any]:
 
 def preview_json(snapshot: Snapshot, robot: Robot) -> dict[str, Any]:
     """Effect of a push, by the first snapshot after it."""
-    plan = snapshot.plan
-    survives = plan is not None and plan.is_capturable and plan.max_leg_extension() <= robot.max_com_distance
     return {
         "status": snapshot.status.value,
-        "survives": survives,
+        "survives": is_survived(snapshot, robot.max_com_distance),
         "step_duration": snapshot.step_duration,
         "next_step_duration": snapshot.next_step_duration,
         "plan": plan_json(snapshot),

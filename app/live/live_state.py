@@ -7,6 +7,7 @@ from app.live.fork import Comparison
 from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
+from walkcore.analysis.push_rose import PushRose
 from walkcore.plant.world import PERFECT, World
 from walkcore.state import SimulationState
 
@@ -91,5 +92,7 @@ class LiveState:
     """Number of the walk: another one after each reset and each fork."""
     comparison: Comparison | None = None
     """The walk since a fork beside the walk that was; None without a fork since the last reset."""
+    push_rose: PushRose | None = None
+    """How hard a push from each side it would survive, as of a little while ago; None while nobody looks at that."""
     was: Snapshot | None = None
     """The walk that was, at this tick, without its plan's trajectories; None without a fork, or once it is over."""

@@ -29,9 +29,11 @@ from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, Reference
 from app.live.messages import NoResponseError
 from app.live.parameter_changes import ParameterChanges
 from app.live.plant_choice import PlantChoice
+from app.live.push_roses import PushRoses
 from app.live.supervisor import Supervisor
 from app.live.timeline import Timeline
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
+from walkcore.analysis.push_rose import PushRose
 from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.values import check_range
@@ -61,6 +63,9 @@ class Runner:
         self._is_started, self._attended_at = False, -math.inf
         self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
         self._changes = ParameterChanges(robot, self._supervisor)
+        self.push_roses = PushRoses(robot, lambda: self._supervisor.latest, lambda: self.parameters)
+        """Roses of pushes for `latest`, while somebody asks for them."""
+        self._shown: tuple[LiveState, PushRose, LiveState] | None = None
 
     @property
     def parameters(self) -> Parameters:
@@ -74,7 +79,12 @@ class Runner:
         Raises:
             WalkError: if the robot cannot stand with its parameters.
         """
-        return self._supervisor.latest
+        state, rose, shown = self._supervisor.latest, self.push_roses.latest, self._shown
+        if rose is None:
+            return state
+        if shown is None or shown[0] is not state or shown[1] is not rose:
+            shown = self._shown = (state, rose, replace(state, push_rose=rose))
+        return shown[2]
 
     def look(self) -> LiveState:
         """The latest state, for somebody who wants to see the robot: it does not fall asleep, or wakes up."""
@@ -121,6 +131,7 @@ class Runner:
 
     def stop(self) -> None:
         """End the process."""
+        self.push_roses.stop()
         self._supervisor.stop()
         self._changes.stop()
 

@@ -22,7 +22,7 @@ from app.viewer.panel.panel import Panel
 from app.viewer.past_look import PastLook
 from app.viewer.scene.drag_push import PULL_PERIOD, DragPush
 from app.viewer.scene.frame import RenderQuality
-from app.viewer.scene.layers import DEFAULT_LAYERS
+from app.viewer.scene.layers import DEFAULT_LAYERS, PUSH_ROSE
 from app.viewer.scene.link_points import LinkPoints
 from app.viewer.scene.scene import Scene, add_key_light
 from app.viewer.transport.broadcaster import Broadcaster
@@ -176,9 +176,12 @@ class Viewer:
             self.cost.add()
 
     def _show(self, elapsed: float) -> None:
+        if PUSH_ROSE in self.scene.shown:
+            self._runner.push_roses.request()
         state = self._runner.look()
         self._drag_push.request_preview()
-        self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim, state.world, state.was)
+        aim, parameters = self._drag_push.aim, self._runner.parameters
+        self.scene.draw(state.snapshot, parameters, elapsed, aim, state.world, state.was, state.push_rose)
         self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)
         self.broadcaster.send(self.scene.updates, self._show_past(elapsed))
 

@@ -14,10 +14,19 @@ with e the growth of the DCM over a single support, a that over a double support
 CoP that goes linearly from the one sole to the other. The bound is the largest J over the times of the touchdowns. It
 knows neither the margin of the CoP nor the jerk, so no controller quite reaches it. Straight walks only: all feet have
 the yaw of the support foot.
+
+The CoPs are free in their soles, so that they leave one Minkowski sum V of the viable set and the soles S, and the
+footholds another one of the regions R, where the reach is left out:
+
+    G (xi_before + J d / (m omega)) - sum of c_k f_k    in  V = viable set + sum of W_i S_i
+    G (xi_before + J d / (m omega))                     in  V + sum of C_k R_k              without the reach
+
+with G the growth up to the end. The first has no variables but J and f_k, in one program for all times. The second
+bounds J without any program; times whose bound is below a J that was found already are not tried.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, cast
@@ -35,6 +44,7 @@ from walkcore.values import Matrix, Vector, rotation
 
 NB_STEPS = 4  # whose footholds are variables; the viable set stands for those after them
 TOUCHDOWNS = 0.05  # [s] between the times of the first touchdown that are tried
+ALIGNED = 1e-9  # of a direction along an edge, whose bound says nothing about it
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,82 +71,174 @@ def largest_impulse(
         direction: of the push in the world frame, unit vector, shape (2,).
         steps: times to choose from.
     """
-    programs = _programs(snapshot, robot, double_support, direction, steps)
-    return max((program.maximum() for program in programs), default=0.0)
+    return float(largest_impulses(snapshot, robot, double_support, direction[None], steps)[0])
+
+
+def largest_impulses(
+    snapshot: Snapshot, robot: Robot, double_support: float, directions: Matrix, steps: StepClass
+) -> Vector:
+    """The largest impulse in each direction that any controller of the class could survive [N s], shape (D,).
+
+    Args:
+        snapshot: before the push.
+        robot: with its mass, soles, regions and foot speed.
+        double_support: its duration T [s].
+        directions: of the pushes in the world frame, unit vectors, shape (D, 2).
+        steps: times to choose from.
+    """
+    grounds = _grounds(snapshot, robot, double_support, steps)
+    choices = [(ground, times) for ground in grounds for times in _step_times(snapshot, double_support, steps)]
+    if not choices:
+        return np.zeros(len(directions))
+    bounds = np.array([ground.bounds_without_reach(times, directions) for ground, times in choices])
+    largest = np.zeros(len(directions))
+    for k, direction in enumerate(directions):
+        order: list[int] = np.argsort(-bounds[:, k], kind="stable").tolist()
+        for choice in order:
+            if bounds[choice, k] <= largest[k]:
+                break
+            ground, times = choices[choice]
+            largest[k] = max(float(largest[k]), ground.maximum(times, direction))
+    return largest
+
+
+SUPPORT, BOTH = 0, -1
+"""Foot of a CoP that is not the k-th foothold: the support foot, or both feet as they stand now."""
+
+
+class _StepTimes:
+    """Times of the touchdowns, and the CoPs over them by what each adds to the DCM at the end.
+
+    The DCM at the end is growth * xi - sum of weights[i] z_i.
+    """
+
+    def __init__(self, waiting: float, flights: tuple[float, ...], double_support: float, omega: float) -> None:
+        """Multiply the growth of the phases up, from the last one back to the first.
+
+        Args:
+            waiting: rest of the double support under way [s].
+            flights: of each foot to its foothold [s].
+            double_support: after each of them [s].
+            omega: of the pendulum [1/s].
+        """
+        self.flights = flights
+        a = math.exp(omega * double_support)
+        mean = (a - 1.0) / (omega * double_support)
+        last = len(flights)
+        self.growth = 1.0
+        weights: dict[int, float] = {}
+
+        def add(foot: int, weight: float) -> None:
+            weights[foot] = weights.get(foot, 0.0) + self.growth * weight
+
+        for k in range(last, 0, -1):  # the flight to foothold k, over the foot before, and the double support after it
+            add(k - 1, a - mean)
+            add(k, mean - 1.0)
+            self.growth *= a
+            e = math.exp(omega * flights[k - 1])
+            add(k - 1, e - 1.0)
+            self.growth *= e
+        if waiting > 0.0:
+            e = math.exp(omega * waiting)
+            add(BOTH, e - 1.0)
+            self.growth *= e
+        self.weights: Mapping[int, float] = weights
+        """Sum of the weights of the CoPs in each sole, by its foot."""
+        in_terminal_set = np.eye(last)[-1]
+        self.foothold_weights = np.array([weights[k] for k in range(1, last + 1)]) + in_terminal_set
+        """Coefficient of each foothold in the condition at the end, shape (K,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Phase:
-    """A time over which the DCM is carried by the CoPs of the given soles: xi' = growth xi - sum of weight z."""
+class _HalfPlanes:
+    """A polygon as the points p with normals @ p <= bounds."""
 
-    growth: float
-    weights: tuple[float, ...]
-    feet: tuple[int, ...]
-    """Foot of each CoP: 0 the support foot, k the k-th foothold, -1 both feet as they stand now."""
-
-
-def _single(duration: float, omega: float, foot: int) -> _Phase:
-    e = math.exp(omega * duration)
-    return _Phase(e, (e - 1.0,), (foot,))
+    normals: Matrix
+    """Shape (E, 2)."""
+    bounds: Vector
+    """[m], shape (E,)."""
 
 
-def _double(duration: float, omega: float, foot: int) -> _Phase:
-    a = math.exp(omega * duration)
-    mean = (a - 1.0) / (omega * duration)
-    return _Phase(a, (a - mean, mean - 1.0), (foot, foot + 1))
+class _Ground:
+    """The support foot and what the controller may do from it, in the frame of that foot."""
 
+    def __init__(self, snapshot: Snapshot, robot: Robot, side: Side, double_support: float, steps: StepClass) -> None:
+        """Collect soles, regions and the viable set, with their extent along the normals of all of their edges.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Program:
-    """One linear program, in the frame of the support foot."""
+        Args:
+            snapshot: before the push.
+            robot: that walks.
+            side: of the support foot.
+            double_support: its duration [s].
+            steps: times to choose from.
+        """
+        omega = snapshot.pendulum.omega
+        support, swing = snapshot.feet[side], snapshot.feet[side.other]
+        self._R = rotation(support.yaw)
+        self._swing = (swing.position - support.position) @ self._R
+        self._dcm = (snapshot.dcm - support.position) @ self._R
+        self._dcm_per_impulse = 1.0 / (robot.mass * omega)
+        self._max_foot_speed = robot.max_foot_speed
+        landing = [side.other if k % 2 == 0 else side for k in range(NB_STEPS)]
+        shortest = StepTiming(double_support, steps.durations[0] - double_support, omega)
+        viable = viable_vertices(robot.sole, 0.0, robot.foothold_region, shortest, double_support)[landing[-1]][-1]
+        both = convex_hull(np.vstack([_sole(robot, side), self._swing + _sole(robot, side.other)]))
+        soles = {SUPPORT: _sole(robot, side), BOTH: both}
+        soles |= {k + 1: _sole(robot, foot) for k, foot in enumerate(landing)}
+        regions = [_region(robot, foot) for foot in landing]
+        self._regions = [_half_planes(region) for region in regions]
+        shapes = [*regions[:2], viable, *(soles[foot] for foot in (SUPPORT, BOTH, 1))]
+        self._normals = np.vstack([np.eye(2), -np.eye(2), *(_half_planes(shape).normals for shape in shapes)])
+        self._of_soles = {foot: self._extent(sole) for foot, sole in soles.items()}
+        self._of_regions = np.array([self._extent(region) for region in regions])
+        self._of_viable = self._extent(viable)
 
-    dcm: Vector
-    push: Vector
-    """Change of the DCM by an impulse of 1 N s [m/(N s)], shape (2,)."""
-    phases: tuple[_Phase, ...]
-    soles: tuple[Matrix, ...]
-    """Of the support foot and each foothold, around it, then of both feet where they stand [m], shapes (V, 2)."""
-    regions: tuple[Matrix, ...]
-    """Of each foothold, around its predecessor [m], shapes (V, 2)."""
-    swing: Vector
-    """The other foot [m], shape (2,)."""
-    reaches: tuple[Vector, ...]
-    """How far each foot can fly to its foothold [m], shapes (2,)."""
-    viable: Matrix
-    """Viable set around the last foothold, at the end of its double support [m], shape (V, 2)."""
+    def _extent(self, vertices: Matrix) -> Vector:
+        """How far a set reaches along each of the normals [m], shape (E,)."""
+        return np.max(self._normals @ vertices.T, axis=1)
 
-    def maximum(self) -> float:
-        """The largest impulse; 0 if there is none [N s]."""
-        cops = [foot for phase in self.phases for foot in phase.feet]
-        n, nb_feet = 1 + 2 * len(self.regions) + 2 * len(cops), len(self.regions)
-        foot = {0: np.zeros((2, n)), -1: np.zeros((2, n))}
-        for k in range(nb_feet):
-            foot[k + 1] = np.eye(2, n, 1 + 2 * k)
-        cop = [np.eye(2, n, 1 + 2 * nb_feet + 2 * i) for i in range(len(cops))]
-        rows: list[Matrix] = []
-        bounds: list[Vector] = []
+    def _room(self, times: _StepTimes) -> Vector:
+        """How far the sum of the viable set and the soles reaches along each normal [m], shape (E,)."""
+        return self._of_viable + sum(weight * self._of_soles[foot] for foot, weight in times.weights.items())
 
-        def keep(point: Matrix, offset: Vector, vertices: Matrix) -> None:
-            planes = polygon(vertices)
-            both = np.isfinite(planes.lower)
-            normals = np.vstack([planes.normals, -planes.normals[both]])
-            rows.append(normals @ point)
-            bounds.append(np.concatenate([planes.upper, -planes.lower[both]]) - normals @ offset)
+    def bounds_without_reach(self, times: _StepTimes, directions: Matrix) -> Vector:
+        """An upper bound of `maximum` in each direction [N s], shape (D,): feet but the first fly at any speed.
 
-        xi, known, used = np.zeros((2, n)), self.dcm, 0
-        xi[:, 0] = self.push
-        for phase in self.phases:
-            xi, known = phase.growth * xi, phase.growth * known
-            for weight, at in zip(phase.weights, phase.feet, strict=True):
-                xi = xi - weight * cop[used]
-                keep(cop[used] - foot[at], np.zeros(2), self.soles[at])
-                used += 1
-        keep(xi - foot[nb_feet], known, self.viable)
-        for k, region in enumerate(self.regions):
-            keep(foot[k + 1] - foot[k], np.zeros(2), region)
-            before, there = (foot[0], self.swing) if k == 0 else (foot[k - 1], np.zeros(2))
-            box = self.reaches[k] * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-            keep(foot[k + 1] - before, -there, box)
+        Args:
+            times: of the touchdowns.
+            directions: in the world frame, unit vectors, shape (D, 2).
+        """
+        extents = self._of_regions.copy()
+        flown = np.abs(self._normals) @ (times.flights[0] * self._max_foot_speed)
+        extents[0] = np.minimum(extents[0], self._normals @ self._swing + flown)
+        of_steps = np.cumsum(times.foothold_weights[::-1])[::-1]
+        room = self._room(times) + of_steps @ extents - times.growth * (self._normals @ self._dcm)
+        along = times.growth * self._dcm_per_impulse * (self._normals @ (directions @ self._R).T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.min(np.where(along > ALIGNED, room[:, None] / along, np.inf), axis=0)
+
+    def maximum(self, times: _StepTimes, direction: Vector) -> float:
+        """The largest impulse in a direction for these times; 0 if there is none [N s].
+
+        Args:
+            times: of the touchdowns.
+            direction: in the world frame, unit vector, shape (2,).
+        """
+        nb_feet = len(times.flights)
+        n = 1 + 2 * nb_feet
+        foot = [np.zeros((2, n)), *(np.eye(2, n, 1 + 2 * k) for k in range(nb_feet))]
+        dcm = np.zeros((2, n))
+        dcm[:, 0] = times.growth * self._dcm_per_impulse * (direction @ self._R)
+        at_end = dcm - sum(weight * foot[k + 1] for k, weight in enumerate(times.foothold_weights))
+        rows = [self._normals @ at_end]
+        bounds = [self._room(times) - times.growth * (self._normals @ self._dcm)]
+        sides = np.vstack([np.eye(2), -np.eye(2)])
+        for k, (region, flight) in enumerate(zip(self._regions, times.flights, strict=True)):
+            rows.append(region.normals @ (foot[k + 1] - foot[k]))
+            bounds.append(region.bounds)
+            before, there = (foot[0], self._swing) if k == 0 else (foot[k - 1], np.zeros(2))
+            rows.append(sides @ (foot[k + 1] - before))
+            bounds.append(np.tile(flight * self._max_foot_speed, 2) + sides @ there)
         found = cast(Any, linprog)(
             -np.eye(1, n)[0],
             A_ub=np.vstack(rows),
@@ -146,48 +248,35 @@ class _Program:
         return float(found.x[0]) if found.status == 0 else 0.0
 
 
-def _programs(
-    snapshot: Snapshot, robot: Robot, double_support: float, direction: Vector, steps: StepClass
-) -> Iterator[_Program]:
-    """The programs of all times and support feet to choose from."""
-    T, omega = double_support, snapshot.pendulum.omega
+def _half_planes(vertices: Matrix) -> _HalfPlanes:
+    planes = polygon(vertices)
+    both = np.isfinite(planes.lower)
+    normals = np.vstack([planes.normals, -planes.normals[both]])
+    return _HalfPlanes(normals, np.concatenate([planes.upper, -planes.lower[both]]))
+
+
+def _grounds(snapshot: Snapshot, robot: Robot, double_support: float, steps: StepClass) -> list[_Ground]:
+    """What may be done from each foot that may carry the robot through the step under way."""
     sides = [snapshot.support.side]
     if snapshot.phase is not Phase.SINGLE_SUPPORT and steps.is_adaptive:
         sides.append(snapshot.support.side.other)
-    shortest = StepTiming(T, steps.durations[0] - T, omega)
-    viable = viable_vertices(robot.sole, 0.0, robot.foothold_region, shortest, T)
-    for side in sides:
-        support, swing = snapshot.feet[side], snapshot.feet[side.other]
-        R = rotation(support.yaw)
-        to_swing = (swing.position - support.position) @ R
-        landing = [side.other if k % 2 == 0 else side for k in range(NB_STEPS)]
-        both = np.vstack([_sole(robot, side), to_swing + _sole(robot, side.other)])
-        soles = (_sole(robot, side), *(_sole(robot, foot) for foot in landing), convex_hull(both))
-        for waiting, flight, total in _first_steps(snapshot, T, steps):
-            for second, third in product(steps.durations, repeat=2):
-                durations = [second, third, *[steps.durations[0]] * (NB_STEPS - 3)]
-                phases = [_single(waiting, omega, -1)] if waiting > 0.0 else []
-                phases += [_single(total - waiting, omega, 0)]
-                for k, duration in enumerate(durations):
-                    phases += [_double(T, omega, k), _single(duration - T, omega, k + 1)]
-                phases += [_double(T, omega, NB_STEPS - 1)]
-                yield _Program(
-                    dcm=(snapshot.dcm - support.position) @ R,
-                    push=direction @ R / (robot.mass * omega),
-                    phases=tuple(phases),
-                    soles=soles,
-                    regions=tuple(_region(robot, foot) for foot in landing),
-                    swing=to_swing,
-                    reaches=tuple(t * robot.max_foot_speed for t in (flight, *(d - T for d in durations))),
-                    viable=viable[landing[-1]][-1],
-                )
+    return [_Ground(snapshot, robot, side, double_support, steps) for side in sides]
 
 
-def _first_steps(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[tuple[float, float, float]]:
-    """Rest of the double support, time in the air and time to the touchdown of the step under way [s]."""
+def _step_times(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[_StepTimes]:
+    """All times to choose from."""
+    for waiting, flight in _first_steps(snapshot, T, steps):
+        for second, third in product(steps.durations, repeat=2):
+            durations = [second, third, *[steps.durations[0]] * (NB_STEPS - 3)]
+            flights = (flight, *(duration - T for duration in durations))
+            yield _StepTimes(waiting, flights, T, snapshot.pendulum.omega)
+
+
+def _first_steps(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[tuple[float, float]]:
+    """Rest of the double support, and time in the air of the step under way [s]."""
     if snapshot.phase is Phase.STANDING:
         for flight in np.arange(steps.shortest_swing, steps.durations[-1], TOUCHDOWNS):
-            yield 0.0, float(flight), float(flight)
+            yield 0.0, float(flight)
         return
     total = snapshot.time_to_touchdown
     if snapshot.phase is Phase.DOUBLE_SUPPORT:
@@ -199,7 +288,7 @@ def _first_steps(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[tup
     again = total + steps.durations[-1]  # of a foot that lands, leaves again and lands once more
     times = np.append(np.arange(again, soonest, -TOUCHDOWNS), min(soonest, total)) if steps.is_adaptive else [total]
     for time in times:
-        yield waiting, float(time) - waiting, float(time)
+        yield waiting, float(time) - waiting
 
 
 def _sole(robot: Robot, side: Side) -> Matrix:

@@ -11,6 +11,7 @@ import viser
 from app.viewer.scene.proportions import Proportions
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
+from walkcore.analysis.push_rose import PushRose
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.stance import Side
 from walkcore.plant.world import PERFECT, World
@@ -151,6 +152,8 @@ class Frame:
     aim: Aim | None = None
     world: World = PERFECT
     """World that the robot walks in."""
+    push_rose: PushRose | None = None
+    """How hard a push from each side the robot would survive, where somebody asked for that."""
     was: Snapshot | None = None
     """The walk that was, where this one went on from one of its ticks."""
 

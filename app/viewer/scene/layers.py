@@ -22,6 +22,7 @@ from app.viewer.scene.points import (
     CentreOfMassDrawing,
     PointDrawing,
 )
+from app.viewer.scene.push_rose import PushRoseDrawing
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
 from app.viewer.scene.strips import StripsDrawing
@@ -42,6 +43,9 @@ class Layer:
     is_on: bool = True
     """Whether the layer is shown at the start."""
 
+
+PUSH_ROSE = "push_rose"
+"""Layer that is computed only while it is shown."""
 
 LAYERS = {
     "robot": Layer("robot", "The robot itself, as it is", draw=robot_drawing),
@@ -114,6 +118,13 @@ LAYERS = {
     "reference": Layer("reference", "Reference velocity", palette.REFERENCE, ReferenceDrawing),
     "velocity": Layer("velocity", "Velocity of the centre of mass", palette.COM, CoMVelocityDrawing, is_on=False),
     "push": Layer("push", "The last push, and the effect of the next one", palette.PUSH, PushDrawing),
+    PUSH_ROSE: Layer(
+        "push rose",
+        "How hard a push in each direction would be survived now; outlined, what no controller could survive",
+        palette.PUSH_ROSE,
+        PushRoseDrawing,
+        is_on=False,
+    ),
     "active": Layer(
         "active constraints", "Bounds of the QP that the plan rests on", palette.ACTIVE, ActiveBounds, is_on=False
     ),

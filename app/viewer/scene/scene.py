@@ -18,6 +18,7 @@ from app.viewer.scene.proportions import Proportions
 from app.viewer.scene.robot import BodyDrawing
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
+from walkcore.analysis.push_rose import PushRose
 from walkcore.plant.world import PERFECT, World
 from walkcore.values import Matrix, Vector
 
@@ -107,6 +108,7 @@ class Scene:
         aim: Aim | None = None,
         world: World = PERFECT,
         was: Snapshot | None = None,
+        push_rose: PushRose | None = None,
     ) -> None:
         """Collect what a snapshot changes in `updates`.
 
@@ -117,13 +119,14 @@ class Scene:
             aim: push that somebody is aiming.
             world: that the robot walks in.
             was: the walk that was at this tick, where this one went on from one of its ticks.
+            push_rose: how hard a push from each side the robot would survive.
         """
         self._nb_frames += 1
         has_lines = self._nb_frames % FRAMES_PER_LINE == 0
         self._history.add(snapshot, parameters, is_on_trail=has_lines)
         self._slope = world.slope
         self._scroll(snapshot, elapsed)
-        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world, was)
+        frame = Frame(snapshot, parameters, elapsed, self.shown, self._history, has_lines, aim, world, push_rose, was)
         for name, drawing in self.drawings.items():
             if name in self.shown:
                 drawing.update(self.updates, frame)
