@@ -29,7 +29,8 @@ from walkcore import Command, Parameters, Push, Reference, Simulation, load_robo
 from walkcore.motion.body_model import load_model
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
-from walkcore.mpc.stance import Side
+from walkcore.mpc.stance import Footstep, Side
+from walkcore.plant.fall_watch import needed_step
 
 FRAME = 7  # ticks
 FRAME_TIME = 1 / 30  # [s]
@@ -233,6 +234,21 @@ def test_a_robot_that_lies_has_no_support_polygon(scene, walk):
         draw(scene, snapshot)
         visible = latest(scene.updates, "visible")
         assert sum(is_shown for name, is_shown in visible.items() if name.startswith(f"{WORLD}/support/")) == expected
+
+
+def test_after_a_fall_the_step_that_was_needed_is_drawn_beyond_the_region(scene, walk):
+    support = Footstep(Side.RIGHT, np.array([1.0, 2.0]), np.pi / 2)
+    region = np.array([[-0.3, 0.15], [0.4, 0.15], [0.4, 0.45], [-0.3, 0.45]])
+    step = needed_step(support, np.array([0.72, 0.3]), region, load_robot("hrp2").sole)
+    fallen = replace(walk[100], status=Status.FALLEN, plan=None, needed_step=step)
+    for snapshot, is_there in ((walk[99], False), (fallen, True), (walk[0], False)):
+        draw(scene, snapshot)
+        seen = latest(scene.updates, "visible")
+        assert seen[f"{WORLD}/needed_step/region"] is seen[f"{WORLD}/needed_step/step/left_0"] is is_there
+        assert not seen[f"{WORLD}/needed_step/step/right_0"]
+        if is_there:
+            x, y, _ = latest(scene.updates, "position")[f"{WORLD}/needed_step/step/left_0"]
+            assert (x, y) == pytest.approx((1.0 - 0.3, 2.0 + step.needed), abs=1e-3)
 
 
 def test_last_push_is_drawn_for_a_moment_and_an_older_one_never(scene):

@@ -235,6 +235,11 @@ class DrivenBody:
             return told if signs.push is not None or signs.signs else reason
         return f"{told}; {reason}" if reason else told
 
+    @property
+    def needed_step(self) -> NeededStep | None:
+        """The step that was needed when the DCM left the capturable set, where it was out of reach."""
+        return self._driver.signs.step
+
     def _needed_step(self, model: ModelState) -> NeededStep | None:
         """The step that would stop the robot, if it is out of reach, with the CoP as near to the DCM as it can be."""
         gait, pendulum, support = model.gait_state, self._pendulum, model.support_foot
@@ -243,4 +248,5 @@ class DrivenBody:
         cop = nearest_within(model.stance(self._robot.sole).polygon, dcm)
         away = cop + (dcm - cop) * np.exp(pendulum.omega * time) - support.position
         region = self._robot.foothold_region_at(0.0, gait.support_side.other)
-        return needed_step(rotation(support.yaw).T @ away, region, self._robot.sole)
+        foot = model.footstep(gait.support_side)
+        return needed_step(foot, rotation(support.yaw).T @ away, region, self._robot.sole)

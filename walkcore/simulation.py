@@ -279,7 +279,8 @@ class Simulation:
             return body.follow(model, self._model, snapshot, forces)
         except InverseKinematicsError as failure:
             self._fall(str(failure))
-            return replace(snapshot, status=Status.FALLEN, reason=self._why_fallen, plan=None)
+            step = body.needed_step
+            return replace(snapshot, status=Status.FALLEN, reason=self._why_fallen, plan=None, needed_step=step)
 
     def _snapshot(self, reference: Reference, impulse: Vector, plan: Plan | None, plant: PlantTick | None) -> Snapshot:
         model, pendulum, gait = self._model, self._planner.pendulum, self._model.gait_state
@@ -313,6 +314,7 @@ class Simulation:
             reason=NOT_IN_TIME if plan is not None and plan.is_continued else self._why_fallen,
             plan=plan,
             com_offset=model.com_offset.position,
+            needed_step=self._body.needed_step if plan is None and self._body is not None else None,
             q=self._configuration if plant is None else plant.measured.q,
             plant=plant,
         )

@@ -8,6 +8,7 @@ from walkcore.mpc.gait import Phase
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.plant.fall_watch import NeededStep
 from walkcore.plant.plant import GroundContact, Measurement
 from walkcore.pushes import GivenPush
 from walkcore.values import Vector
@@ -83,6 +84,8 @@ class Snapshot:
     """Configuration of the body as it is, in Pinocchio's order, shape (nq,); None for a robot without a body."""
     plant: PlantTick | None
     """None for the ideal plant."""
+    needed_step: NeededStep | None = None
+    """Step out of reach that would have stopped a robot which has fallen; None where that was another limit."""
     twin: "Snapshot | None" = None
     """The ideal plant on the same commands, where one walks beside this one."""
 

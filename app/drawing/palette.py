@@ -20,6 +20,7 @@ TWIN: Colour = (150, 158, 170)
 PAST: Colour = (96, 165, 130)  # the walk that was
 ACTIVE: Colour = (0, 184, 224)  # cyan, for constraints that bind
 PUSH: Colour = (200, 20, 164)  # magenta
+NEEDED_STEP: Colour = (140, 20, 100)  # a darker one
 PUSH_ROSE: Colour = (226, 104, 200)  # a lighter one: of the pushes that would be survived
 LEFT_FOOT: Colour = (58, 61, 66)  # the two greys of the footsteps
 RIGHT_FOOT: Colour = (122, 125, 130)

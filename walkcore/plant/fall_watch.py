@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from walkcore.mpc.stance import Side
+from walkcore.mpc.stance import Footstep, Side
 from walkcore.plant.plant import Measurement, SolePose
-from walkcore.values import Matrix, Vector
+from walkcore.values import Matrix, Vector, freeze, rotation
 
 LOWEST = 0.75  # of the CoM's height: a body below has fallen
 MAX_TILT = 0.8  # [rad] of the torso from upright
@@ -57,16 +57,31 @@ class LastPush:
     """Phase of the gait when it began, in words."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class NeededStep:
     """The step that would have stopped the robot, beside what its legs can reach."""
 
-    needed: float
-    """Along one axis of the support foot's frame [m]."""
+    support: Footstep
+    """The foot that carried the robot."""
+    place: Vector
+    """Of the step, in the frame of the support foot [m], shape (2,)."""
+    region: Matrix
+    """Where the foot could land, in the same frame [m], shape (V, 2)."""
     limit: float
-    """Edge of the foothold region on that side [m]."""
+    """Edge of the region on the side where the step lies beyond it [m]."""
     is_sideways: bool
-    """Whether the axis is the foot's y, and not its x."""
+    """Whether that is along y, and not along x."""
+
+    @property
+    def foothold(self) -> Footstep:
+        """The step in the world frame."""
+        support = self.support
+        return Footstep(support.side.other, support.position + rotation(support.yaw) @ self.place, support.yaw)
+
+    @property
+    def needed(self) -> float:
+        """The step along the axis on which it is out of reach [m]."""
+        return float(self.place[int(self.is_sideways)])
 
     def in_words(self) -> str:
         """The step and the region."""
@@ -78,10 +93,11 @@ class NeededStep:
         return f"the step needed was {abs(self.needed):.2f} m {way}, {end}"
 
 
-def needed_step(dcm_at_touchdown: Vector, region: Matrix, sole: Matrix) -> NeededStep | None:
+def needed_step(support: Footstep, dcm_at_touchdown: Vector, region: Matrix, sole: Matrix) -> NeededStep | None:
     """The step that stops the robot, where it is out of reach: the sole would have to reach the DCM.
 
     Args:
+        support: the foot that carries the robot.
         dcm_at_touchdown: DCM when the foot comes down, in the support foot's frame [m], shape (2,).
         region: where that foot may land, in the same frame [m], shape (V, 2).
         sole: outline of a sole in its own frame [m], shape (V, 2).
@@ -95,8 +111,10 @@ def needed_step(dcm_at_touchdown: Vector, region: Matrix, sole: Matrix) -> Neede
     axis = int(np.argmax(np.abs(beyond)))
     if beyond[axis] == 0.0:
         return None
-    limit = high[axis] if beyond[axis] > 0.0 else low[axis]
-    return NeededStep(float(limit + beyond[axis]), float(limit), is_sideways=axis == 1)
+    limit = float(high[axis] if beyond[axis] > 0.0 else low[axis])
+    place = np.clip(dcm_at_touchdown, low, high)
+    place[axis] = limit + beyond[axis]
+    return NeededStep(support, freeze(place), region, limit, is_sideways=axis == 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from app.viewer.scene.push_rose import PushRoseDrawing
 from app.viewer.scene.pushes import PushDrawing
 from app.viewer.scene.robot import robot_drawing
 from app.viewer.scene.strips import StripsDrawing
-from app.viewer.scene.supports import ActiveBounds, FootholdRegions, margin_polygon, support_polygon
+from app.viewer.scene.supports import ActiveBounds, FootholdRegions, NeededStepDrawing, margin_polygon, support_polygon
 from app.viewer.scene.velocities import CoMVelocityDrawing, ReferenceDrawing
 
 
@@ -118,6 +118,12 @@ LAYERS = {
     "reference": Layer("reference", "Reference velocity", palette.REFERENCE, ReferenceDrawing),
     "velocity": Layer("velocity", "Velocity of the centre of mass", palette.COM, CoMVelocityDrawing, is_on=False),
     "push": Layer("push", "The last push, and the effect of the next one", palette.PUSH, PushDrawing),
+    "needed_step": Layer(
+        "needed step",
+        "After a fall: the step that would have stopped the robot, and the region that it is beyond",
+        palette.NEEDED_STEP,
+        NeededStepDrawing,
+    ),
     PUSH_ROSE: Layer(
         "push rose",
         "How hard a push in each direction would be survived now; outlined, what no controller could survive",

@@ -1,4 +1,4 @@
-"""Polygons that bound the plan: the support polygon, what the margin leaves of it, foothold regions, active bounds."""
+"""Polygons that bound the plan: support and margin, foothold regions, active bounds, and a step out of reach."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,8 +6,8 @@ from itertools import zip_longest
 
 import numpy as np
 
-from app.drawing.palette import ACTIVE, MARGIN, REGION, SUPPORT
-from app.viewer.scene.footprints import FOOTHOLDS_PER_FOOT
+from app.drawing.palette import ACTIVE, MARGIN, NEEDED_STEP, REGION, SUPPORT
+from app.viewer.scene.footprints import FOOTHOLDS_PER_FOOT, FootholdMarks
 from app.viewer.scene.frame import Canvas, Frame
 from app.viewer.scene.primitives import GroundPolygon, PolygonStyle, add_lines, raised
 from app.viewer.transport.scene_updates import SceneUpdates
@@ -15,11 +15,14 @@ from walkcore import WalkError
 from walkcore.mpc.plan import Status
 from walkcore.mpc.regions import inset_vertices
 from walkcore.mpc.stance import Side, Stance, convex_hull
+from walkcore.plant.fall_watch import NeededStep
 from walkcore.values import Matrix, rotation
 
 SUPPORT_STYLE = PolygonStyle(SUPPORT, 0.005, opacity=0.3, thickness=2.5)
 MARGIN_STYLE = PolygonStyle(MARGIN, 0.006, opacity=0.12, thickness=2.0)
 REGION_STYLE = PolygonStyle(REGION, 0.003, opacity=0.10, thickness=1.5)
+OUT_OF_REACH_STYLE = PolygonStyle(REGION, 0.007, opacity=0.25, thickness=3.0)
+NEEDED_STYLE = PolygonStyle(NEEDED_STEP, 0.010, opacity=0.45, thickness=4.0)
 ACTIVE_HEIGHT = 0.016  # [m]
 
 
@@ -89,6 +92,29 @@ class FootholdRegions:
             before, region = found
             node.reshape(updates, region)
             node.place(updates, before.position, before.yaw)
+
+
+class NeededStepDrawing:
+    """Step that would have stopped a robot which has fallen, and the region that it is beyond."""
+
+    def __init__(self, canvas: Canvas) -> None:
+        """Make the nodes once, invisible."""
+        self._region = GroundPolygon(canvas.server, f"{canvas.root}/region", OUT_OF_REACH_STYLE)
+        self._step = FootholdMarks(canvas, f"{canvas.root}/step", dict.fromkeys(Side, NEEDED_STYLE))
+        self._drawn: NeededStep | tuple[()] | None = ()  # nothing yet
+
+    def update(self, updates: SceneUpdates, frame: Frame) -> None:
+        """Draw the snapshot's step, unless it is drawn already."""
+        step = frame.snapshot.needed_step
+        if step is self._drawn:
+            return
+        self._drawn = step
+        self._step.draw(updates, () if step is None else (step.foothold,))
+        if step is None:
+            self._region.hide(updates)
+            return
+        self._region.reshape(updates, step.region)
+        self._region.place(updates, step.support.position, step.support.yaw)
 
 
 class ActiveBounds:
