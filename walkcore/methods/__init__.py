@@ -9,10 +9,14 @@ from types import MappingProxyType
 
 from walkcore.methods.dcm_tracker import DCMTracker
 from walkcore.methods.method import Decision, Method
+from walkcore.methods.morisawa import Morisawa
 from walkcore.methods.planning import MethodPlans
 from walkcore.methods.situation import Situation
+from walkcore.methods.sugihara import Sugihara
 
-METHODS: Mapping[str, Method] = MappingProxyType({"dcm_tracker": DCMTracker()})
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {"sugihara": Sugihara(), "morisawa": Morisawa(), "dcm_tracker": DCMTracker()}
+)
 """Methods by the names that `SCHEMES` has for them."""
 
-__all__ = ["METHODS", "DCMTracker", "Decision", "Method", "MethodPlans", "Situation"]
+__all__ = ["METHODS", "DCMTracker", "Decision", "Method", "MethodPlans", "Morisawa", "Situation"]

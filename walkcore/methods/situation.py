@@ -68,8 +68,12 @@ class Situation:
     """Duration of the double support that begins a step [s]."""
     single_support: float
     """Duration of the single support of the steps to come [s]."""
+    stance_width: float
+    """Distance between the feet of a robot at rest [m]."""
     sole: Matrix
     """Outline of the left sole in its own frame [m], shape (V, 2)."""
+    inner_sole: Matrix
+    """The part of it that keeps the margin from its edges [m], shape (V, 2)."""
 
     @property
     def omega(self) -> float:
@@ -146,6 +150,21 @@ class Situation:
         """
         return nearest_within(self._support_polygon(self.at(t)[0]), cop)
 
+    def clipped_inside(self, cop: Vector, t: float) -> Vector:
+        """The nearest point to a CoP that is the margin inside of the edges of the soles.
+
+        Args:
+            cop: that is wanted [m], shape (2,).
+            t: when, from now [s].
+        """
+        feet = self.intervals[self.at(t)[0]].feet
+        is_one = len(feet) == 1
+        return nearest_within(self.inner_sole_of(feet[0]) if is_one else Stance(feet, self.inner_sole).polygon, cop)
+
+    def inner_sole_of(self, foot: Footstep) -> Matrix:
+        """Corners of the part of a sole that keeps the margin from its edges, counter-clockwise [m], shape (V, 2)."""
+        return _counter_clockwise(sole_vertices(self.inner_sole, foot))
+
     def margin(self, cop: Vector, t: float) -> float:
         """Distance of a CoP from the nearest edge of the soles that carry the robot [m]; negative outside of them.
 
@@ -197,7 +216,7 @@ class Trajectory:
             polynomials: of the CoP in each interval, coefficients by powers of the time since it began, shapes (n, 2).
         """
         self._now, self._cops = now, polynomials
-        self._particular = [_particular(len(c), now.omega) @ c for c in polynomials]
+        self._particular = [particular(len(c), now.omega) @ c for c in polynomials]
         dcm, rests = now.intervals[-1].end, list[Vector]()
         for interval, xi_p in zip(reversed(now.intervals), reversed(self._particular), strict=True):
             is_for_ever = math.isinf(interval.duration)
@@ -233,8 +252,13 @@ def _value(polynomial: Matrix, t: float) -> Vector:
 
 
 @lru_cache(maxsize=16)
-def _particular(nb_coefficients: int, omega: float) -> Matrix:
-    """Map from the coefficients of the CoP to those of xi_p, shape (n, n)."""
+def particular(nb_coefficients: int, omega: float) -> Matrix:
+    """Map from the coefficients of the CoP to those of xi_p, shape (n, n).
+
+    Args:
+        nb_coefficients: n.
+        omega: of the pendulum [1/s].
+    """
     derivative = np.diag(np.arange(1.0, nb_coefficients), 1) / omega
     return frozen_copy(sum((np.linalg.matrix_power(derivative, k) for k in range(nb_coefficients)), np.zeros(1)))
 
@@ -246,6 +270,7 @@ def situation(
     robot: Robot,
     parameters: Parameters,
     pendulum: Pendulum,
+    inner_sole: Matrix,
 ) -> Situation:
     """The situation of one tick.
 
@@ -256,6 +281,7 @@ def situation(
         robot: that walks.
         parameters: of the walk.
         pendulum: that the CoM follows.
+        inner_sole: part of the left sole that keeps the margin of the CoP [m], shape (V, 2).
     """
     horizon, p = problem.horizon, parameters
     is_walking = math.isfinite(horizon.time_to_touchdown)
@@ -277,7 +303,9 @@ def situation(
         stand_duration=p.initial_double_support_duration - p.double_support_duration,
         double_support=p.double_support_duration,
         single_support=step_duration - p.double_support_duration,
+        stance_width=robot.stance_width,
         sole=robot.sole,
+        inner_sole=inner_sole,
     )
 
 

@@ -64,6 +64,8 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
         "preview_control": Scheme(
             "(11), planned steps, no constraints [7]", _cop_tracking, Footholds.PLANNED, is_constrained=False
         ),
+        "morisawa": Scheme("analytic, foot place modified at once [11], no QP", _cop_tracking, Footholds.REGULATED),
+        "sugihara": Scheme("saturated regulator [16], no QP", _cop_tracking, Footholds.REGULATED),
         "dcm_tracker": Scheme("DCM tracking, Englsberger 2015, no QP", _cop_tracking, Footholds.REGULATED),
     }
 )
