@@ -95,7 +95,7 @@ def create_app(settings: Settings) -> FastAPI:
     quality = LIGHT if settings.scene == "light" else RenderQuality()
     switch = RobotSwitch(robot, choices, settings.walk_plant, quality, lease)
     runs = _runs(settings, choices)
-    streams = sockets.SnapshotStreams(lambda: switch.runner.latest)
+    streams = sockets.SnapshotStreams(lambda: switch.runner.look())
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

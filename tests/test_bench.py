@@ -61,7 +61,8 @@ def test_the_point_mass_walks_steadily_with_every_solver(result):
     }
     for walk in result.steady_walks:
         assert 0.0 < walk.assemble_and_solve.median < walk.step.median
-        assert walk.tail == walk.assemble_and_solve.p99 / walk.assemble_and_solve.median
+        assert 0.0 < walk.fastest.median <= walk.assemble_and_solve.median
+        assert walk.fastest.max <= walk.assemble_and_solve.max
 
 
 def test_the_table_shows_all_of_it(result):

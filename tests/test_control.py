@@ -53,6 +53,35 @@ def test_a_pause_however_long_makes_no_tick_late(control, clock):
     assert control.latest.timing.misses == 0 and control.latest.timing.lateness_max < 1e-9
 
 
+def test_a_robot_at_rest_sleeps_once_nobody_attends_it_and_wakes_when_somebody_does(control, clock):
+    control.attend(2.0)
+    nb_ticks = 0
+    while control.time_left < float("inf") and nb_ticks < 200:
+        walk(control, clock, 1)
+        nb_ticks += 1
+    asleep_at = control.latest.snapshot.tick
+    assert asleep_at == nb_ticks == pytest.approx(2.0 / PERIOD, abs=2)
+    clock.now += 100.0
+    control.attend(2.0)
+    assert control.time_left == 0.0
+    walk(control, clock, 3)
+    assert control.latest.snapshot.tick == asleep_at + 3 and control.latest.timing.lateness_max < 1e-9
+
+
+@pytest.mark.parametrize("what", ["reference", "push", "random pushes"])
+def test_a_robot_that_is_not_at_rest_does_not_sleep(control, clock, what):
+    control.attend(0.5)
+    if what == "reference":
+        control.set_reference(ReferenceCommand(Reference(vx=0.1), "api"))
+    elif what == "push":
+        walk(control, clock, 20)
+        control.push(Push([8.0, 0.0]))
+    else:
+        control.push_at_random(RandomPushes(1.0, 60.0, 1))
+    walk(control, clock, 20 if what == "push" else 40)
+    assert control.time_left <= PERIOD
+
+
 def test_every_tick_is_taken_and_shown(control, clock, shown):
     walk(control, clock, 50)
     assert [state.snapshot.tick for state in shown] == list(range(51))

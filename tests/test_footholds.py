@@ -121,6 +121,7 @@ def test_what_is_safe_at_all_yaws_lies_in_every_region(found):
         assert np.all(inside(region.vertices, middle + 0.99 * (common - middle)))
 
 
+@pytest.mark.exhaustive
 def test_the_same_seed_gives_the_same_polygons_with_one_worker_and_with_two(found):
     alone = study(load_robot("talos"), com_height=0.87, nb_samples=SAMPLES, seed=3, nb_workers=1, edge_spacing=0.5)
     assert summary(alone) == summary(found)

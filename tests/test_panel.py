@@ -37,7 +37,7 @@ def test_plots_hold_each_point_once_and_start_anew_after_a_reset(viser_server, w
         plots.update(updates)
         sent = [message["updates"]["data"] for message in updates.changes(0)]
         assert len(sent) == len(plots.plots)
-        assert [len(data) - 1 for data in sent] == [len(lines) for lines in PLOTS.values()]
+        assert [len(data) - 1 for data in sent] == [len(plot.lines) for plot in PLOTS.values()]
         return sent[0][0].tolist()
 
     first = times(walk[:30])

@@ -9,7 +9,7 @@ from oracle import Oracle, excess
 from walkcore import load_scenario, record
 
 SAMPLE_MOTIONS = ("herdt-2010-section-6", "herdt-2010-section-6-hrp2")
-SCENARIOS = (*SAMPLE_MOTIONS, "turns-and-stops")
+SCENARIOS = (*SAMPLE_MOTIONS, pytest.param("turns-and-stops", marks=pytest.mark.exhaustive))
 
 
 @pytest.fixture(scope="module", params=SCENARIOS)

@@ -278,6 +278,7 @@ def test_a_run_that_breaks_what_it_expects_fails_and_keeps_its_files(started):
     assert started.file(run.id, "recording.npz").is_file()
 
 
+@pytest.mark.exhaustive
 def test_other_formats_are_made_on_request_as_the_command_line_makes_them(started, tmp_path):
     with_body = {"name": "with a body", "duration": 0.2}
     run = ended(started.get, started.submit(with_body).id)

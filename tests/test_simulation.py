@@ -89,6 +89,8 @@ def test_a_push_that_no_step_can_catch_is_a_fall_that_is_reported_and_lasts():
     assert all(s.reason for s in fallen)
     assert snapshots[-1].status is Status.FALLEN
     assert np.array_equal(snapshots[-1].com.position, fallen[1].com.position)
+    gait = {(s.phase, s.support.side, round(s.time_to_touchdown, 9), s.step_duration) for s in fallen}
+    assert len(gait) == 1  # it stops with the robot
     for s in snapshots:
         assert all(
             math.isfinite(v) for name, v in row(s).items() if not name.startswith(("foothold", "true_cop", "time_to"))

@@ -121,8 +121,8 @@ class ModelState:
         return replace(self, gait=self.gait.with_timing(timing, self.tick))
 
     def one_tick_later(self) -> "ModelState":
-        """The state of a robot of which nothing moves, at the next tick."""
-        return replace(self, tick=self.tick + 1)
+        """The state of a robot of which nothing moves, at the next tick: its gait waits."""
+        return replace(self, tick=self.tick + 1, gait=self.gait.waiting(self.tick))
 
     def fallen(self) -> "ModelState":
         """The state of a robot that lies: nothing of it moves any longer."""

@@ -22,7 +22,7 @@ from walkcore.plant.plant import ExternalForce
 from walkcore.plant.world import PERFECT, World
 from walkcore.pushes import NO_IMPULSE, Pushes
 from walkcore.robot import Robot
-from walkcore.robot_file import load_robot
+from walkcore.robot_file import DEFAULT_ROBOT, load_robot
 from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.state import SimulationState
@@ -44,8 +44,8 @@ class Simulation:
         """Put the robot at rest on both feet around the origin.
 
         Args:
-            robot: Talos if none is given.
-            parameters: the robot's own if none are given: the paper's, for Talos and HRP-2.
+            robot: `DEFAULT_ROBOT` if none is given.
+            parameters: the robot's own if none are given.
             stages: listens to the stages of each tick; it never changes what they decide.
             world: that a plant with contact physics stands in; the ideal plant and the model know only the perfect one.
 
@@ -54,7 +54,7 @@ class Simulation:
             InverseKinematicsError: if the body cannot stand at this CoM height.
             EmptyRegionError: if the CoP margin leaves nothing of a sole.
         """
-        self.robot = load_robot("talos") if robot is None else robot
+        self.robot = load_robot(DEFAULT_ROBOT) if robot is None else robot
         self.world, self._stages = world, stages
         self._use(self.robot.parameters if parameters is None else parameters)
         self._body = self._make_body()

@@ -37,6 +37,11 @@ class Durations:
         us = 1e6 * np.array(list(seconds))
         return cls(float(np.median(us)), float(np.percentile(us, 99)), float(np.max(us)))
 
+    @property
+    def tail(self) -> float:
+        """Ratio of the 99th percentile to the median."""
+        return self.p99 / self.median
+
 
 @dataclass(frozen=True, slots=True)
 class SolverResult:

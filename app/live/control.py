@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
@@ -24,6 +26,7 @@ from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Sn
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.analysis.twin import TwinMonitor
 from walkcore.errors import InvalidValueError
+from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.plant.world import PERFECT, World
 from walkcore.stages import CountedTime, Stopwatch, TimeLeft, unlimited
@@ -33,6 +36,8 @@ logger = logging.getLogger(__name__)
 
 PAST = ReferenceCommand(Reference(), "past")
 """Driver that is told while a forked walk follows the commands of the walk that was."""
+RESTING_SPEED = 1e-3  # [m/s] of the CoM of a robot that stands at rest, at most
+RESTING_DISTANCE = 1e-3  # [m] of its CoP from its DCM, which drive the CoM apart from each other
 MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 
@@ -78,7 +83,8 @@ class Control:
         self._simulation = Simulation(robot, parameters, self._stopwatch, world=world)
         self._simulation.keep_twin_ready()
         self._scheduler = TickScheduler(parameters.control_period, clock)
-        self._is_started = False
+        self._is_started = self._is_asleep = False
+        self._attended_until = math.inf
         self._command, self._commanded_at = NO_REFERENCE, 0.0
         self._push: Push | None = None
         self._random_pusher: RandomPusher | None = None
@@ -135,7 +141,8 @@ class Control:
     @property
     def time_left(self) -> float:
         """Time until the next tick is due [s]; infinite while none is."""
-        return self._scheduler.time_left if self._is_started and self.latest.running else math.inf
+        is_due = self._is_started and self.latest.running and not self._is_asleep
+        return self._scheduler.time_left if is_due else math.inf
 
     def tick(self) -> None:
         """Take the tick that is due; an unexpected error pauses the robot."""
@@ -151,6 +158,17 @@ class Control:
         self._is_started = True
         self._scheduler.restart()
         return self.latest
+
+    def attend(self, duration: float) -> None:
+        """Stay awake: a robot that stands at rest, which nobody has attended for some time, sleeps, and its time stops.
+
+        Args:
+            duration: of that time, from now [s]; until the first call it never sleeps.
+        """
+        self._attended_until = self._clock() + duration
+        if self._is_asleep:
+            self._is_asleep = False
+            self._scheduler.restart()
 
     def set_reference(self, command: ReferenceCommand) -> None:
         """Follow a reference from the next tick on."""
@@ -393,6 +411,21 @@ class Control:
             twin_difference=self._twin.difference,
             comparison=None if self._forked is None else self._forked.comparison,
             was=None if self._forked is None else self._forked.was,
+        )
+        self._is_asleep = started > self._attended_until and self._is_at_rest(command, snapshot)
+
+    def _is_at_rest(self, command: Command, snapshot: Snapshot) -> bool:
+        """Whether the coming ticks would be like this one."""
+        return (
+            command.reference.is_zero
+            and self._random_pusher is None
+            and self._forked is None
+            and snapshot.status is Status.SOLVED
+            and snapshot.phase is Phase.STANDING
+            and snapshot.steps_to_stand == 0
+            and not self._simulation.state.pushes
+            and float(np.hypot(*snapshot.com.velocity)) < RESTING_SPEED
+            and float(np.hypot(*(snapshot.dcm - snapshot.cop))) < RESTING_DISTANCE
         )
 
     def _next_command(self) -> tuple[Command, ReferenceCommand]:

@@ -14,6 +14,7 @@ import random
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from queue import SimpleQueue
@@ -39,6 +40,8 @@ __all__ = ["LiveState", "NoResponseError", "NotPausedError", "NothingToSaveError
 
 SPEEDS = (0.1, 4.0)  # limits of simulated over real time
 INTERVALS = (0.2, 60.0)  # [s], limits of the time between random pushes
+ATTENTION = 120.0  # [s] after which a robot at rest that nobody looks at falls asleep
+ATTENTION_PERIOD = 1.0  # [s] between two messages that somebody looks
 TELEOP_TIMEOUT = 0.4  # [s] after which a silent teleop client counts as let go
 
 
@@ -55,7 +58,7 @@ class Runner:
         self._command, self._expires_at = NO_REFERENCE, math.inf
         self.is_first_walk = True
         """Whether the robot has not begun anew since time passes: there is no walk before the present one."""
-        self._is_started = False
+        self._is_started, self._attended_at = False, -math.inf
         self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
         self._changes = ParameterChanges(robot, self._supervisor)
 
@@ -72,6 +75,19 @@ class Runner:
             WalkError: if the robot cannot stand with its parameters.
         """
         return self._supervisor.latest
+
+    def look(self) -> LiveState:
+        """The latest state, for somebody who wants to see the robot: it does not fall asleep, or wakes up."""
+        self._attend()
+        return self.latest
+
+    def _attend(self) -> None:
+        """Tell the control process, now and then, that somebody looks or asks."""
+        now = time.monotonic()
+        if now > self._attended_at + ATTENTION_PERIOD:
+            self._attended_at = now
+            with suppress(NoResponseError):
+                self._supervisor.link.request(Control.attend, ATTENTION)
 
     @property
     def trouble(self) -> str:
@@ -101,6 +117,7 @@ class Runner:
         """Let time pass."""
         self._is_started = True
         self._supervisor.start()
+        self._attend()
 
     def stop(self) -> None:
         """End the process."""
@@ -123,6 +140,7 @@ class Runner:
             NoResponseError: if the control process does not respond at the moment.
         """
         self.robot.check_reference(reference)
+        self._attend()
         link = self._supervisor.link
         lasts = math.inf if expires_after is None else expires_after
         self._command, self._expires_at = (
@@ -139,6 +157,7 @@ class Runner:
             NoResponseError: if the control process does not respond at the moment.
         """
         checked = self._checked_push(push)
+        self._attend()
         self._supervisor.link.push(checked)
 
     @cached_property
@@ -288,6 +307,7 @@ class Runner:
         convert: Callable[[Any], Any] | None = None,
         take_item: Callable[[Any], object] | None = None,
     ) -> Future[Any]:
+        self._attend()
         try:
             return self._supervisor.link.request(method, *arguments, convert=convert, take_item=take_item)
         except NoResponseError as error:

@@ -34,7 +34,7 @@ router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 @router.get("")
 async def live(runner: LiveRunner) -> dict[str, Any]:
     """The latest snapshot: the columns of a recording, `q`, the plan, timing, and who drives."""
-    return live_json(runner.latest)
+    return live_json(runner.look())
 
 
 @router.get("/robot")

@@ -1,4 +1,4 @@
-"""Figures of a sweep: a rose by direction, a map of direction and phase, and a curve over the speed."""
+"""Figures of a sweep: roses by direction, a map of direction and phase, and a curve over the speed."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -33,6 +33,10 @@ def draw_figures(folder: Path, walks: Sequence[WalkCells], bounds: Sequence[Vect
         names += [f"rose-{walk.number}.svg", f"map-{walk.number}.svg"]
         draw_rose(folder / names[-2], walk, bounds[walk.number] if len(bounds) else None)
         draw_map(folder / names[-1], walk)
+    for group in _by_motion(walks):
+        if len(group) > 1:
+            names.append(f"roses-{group[0].number}.svg")
+            draw_roses(folder / names[-1], group, bounds[group[0].number] if len(bounds) else None)
     if any(len(curve) > 1 for curve in _curves(walks).values()):
         names.append("speed.svg")
         draw_speeds(folder / names[-1], walks)
@@ -41,34 +45,82 @@ def draw_figures(folder: Path, walks: Sequence[WalkCells], bounds: Sequence[Vect
 
 def draw_rose(file: Path, walk: WalkCells, bound: Vector | None = None) -> None:
     """Draw the worst, the median and the best phase by direction, the robot facing up."""
-    directions = np.linspace(0.0, 2 * np.pi, walk.largest.shape[0] + 1)
-    magenta = ink(palette.PUSH)
-
-    def closed(values: Vector) -> Vector:
-        return np.append(values, values[0])
-
+    directions, magenta = _directions(walk), ink(palette.PUSH)
     with matplotlib.rc_context(STYLE):
-        sheet = Figure(figsize=(ROSE, ROSE + 0.3), layout="constrained")
-        axes = sheet.add_subplot(projection="polar")
-        worst, median, best = (closed(total(walk.largest, axis=1)) for total in (np.min, np.median, np.max))
+        sheet, axes = _rose()
+        worst, median, best = (_closed(total(walk.largest, axis=1)) for total in (np.min, np.median, np.max))
         axes.fill_between(directions, worst, best, color=magenta, alpha=0.14, linewidth=0)
         axes.plot(directions, best, color=magenta, linewidth=0.7, label="best phase")
         axes.plot(directions, median, color=magenta, linewidth=1.6, label="median")
         axes.plot(directions, worst, color="#16121e", linewidth=1.3, label="worst phase")
         if bound is not None:
-            axes.plot(directions, closed(bound), "--", color="#7a7d82", linewidth=1.1, label="bound in the worst phase")
-        _as_seen_from_above(axes)
-        highest = walk.max_impulse if bound is None else max(walk.max_impulse, float(np.max(bound)))
-        axes.set_ylim(0.0, highest * 1.02)
-        axes.set_title(f"{walk.name}\nlargest push survived [N s], by the direction it goes to", pad=14)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2)
+            _draw_bound(axes, directions, bound)
+        _finish_rose(axes, walk.name, walk.max_impulse, bound)
         sheet.savefig(file, metadata=dict(NO_DATE["svg"]))
 
 
-def _as_seen_from_above(axes: Axes) -> None:
+def draw_roses(file: Path, walks: Sequence[WalkCells], bound: Vector | None = None) -> None:
+    """Draw the worst phase and the median by direction of walks that differ in their parameters only.
+
+    Args:
+        file: to be written.
+        walks: of one robot and one reference.
+        bound: as of `draw_rose`.
+    """
+    with matplotlib.rc_context(STYLE):
+        sheet, axes = _rose()
+        for walk, colour in zip(walks, LINES * len(walks), strict=False):
+            label, directions = ", ".join(_name_parts(walk)[1]) or "default", _directions(walk)
+            worst, median = (_closed(total(walk.largest, axis=1)) for total in (np.min, np.median))
+            axes.plot(directions, worst, color=colour, linewidth=1.5, label=f"{label}, worst phase")
+            axes.plot(directions, median, color=colour, linewidth=0.8, alpha=0.75, label=f"{label}, median")
+        if bound is not None:
+            _draw_bound(axes, _directions(walks[0]), bound)
+        _finish_rose(axes, ", ".join(_name_parts(walks[0])[0]), walks[0].max_impulse, bound)
+        sheet.savefig(file, metadata=dict(NO_DATE["svg"]))
+
+
+def _rose() -> tuple[Figure, Axes]:
+    sheet = Figure(figsize=(ROSE, ROSE + 0.3), layout="constrained")
+    return sheet, sheet.add_subplot(projection="polar")
+
+
+def _directions(walk: WalkCells) -> Vector:
+    """The directions of a walk's cells, the first one again at the end [rad]."""
+    return np.linspace(0.0, 2 * np.pi, walk.largest.shape[0] + 1)
+
+
+def _closed(values: Vector) -> Vector:
+    return np.append(values, values[0])
+
+
+def _draw_bound(axes: Axes, directions: Vector, bound: Vector) -> None:
+    label = "bound in the worst phase"
+    axes.plot(directions, _closed(bound), "--", color="#7a7d82", linewidth=1.1, label=label)
+
+
+def _finish_rose(axes: Axes, title: str, highest: float, bound: Vector | None) -> None:
     axes.set_theta_zero_location("N")  # pyright: ignore[reportAttributeAccessIssue]  # polar axes have it
     axes.set_xticks(np.radians(np.arange(0, 360, 45)))
     axes.set_xticklabels(["ahead", "", "left", "", "back", "", "right", ""])
+    axes.set_ylim(0.0, max(highest, 0.0 if bound is None else float(np.max(bound))) * 1.02)
+    axes.set_title(f"{title}\nlargest push survived [N s], by the direction it goes to", pad=14)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2)
+
+
+def _name_parts(walk: WalkCells) -> tuple[list[str], list[str]]:
+    """Robot and reference of a walk, and its parameters, from its name."""
+    parts = walk.name.split(", ")
+    return parts[:2], parts[2:]
+
+
+def _by_motion(walks: Sequence[WalkCells]) -> list[list[WalkCells]]:
+    """Walks that differ in their parameters only, none of which falls without a push."""
+    groups: defaultdict[tuple[str, ...], list[WalkCells]] = defaultdict(list)
+    for walk in walks:
+        if not np.isnan(walk.largest).any():
+            groups[tuple(_name_parts(walk)[0])].append(walk)
+    return list(groups.values())
 
 
 def draw_map(file: Path, walk: WalkCells) -> None:
@@ -120,7 +172,8 @@ def _curves(walks: Sequence[WalkCells]) -> dict[tuple[str, str], list[tuple[floa
         components = [key for key, value in reference.items() if value]
         if len(components) > 1 or np.isnan(walk.largest).any():
             continue
-        name = ", ".join(part for k, part in enumerate(walk.name.split(", ")) if k != 1)
+        (robot, _), parameters = _name_parts(walk)
+        name = ", ".join([robot, *parameters])
         value = (float(np.min(walk.largest)), float(np.median(walk.largest)))
         for component in components or COMPONENTS:  # standing at zero belongs to the curve of every component
             found[name, component].append((float(reference.get(component, 0.0)), *value))

@@ -176,7 +176,7 @@ class Viewer:
             self.cost.add()
 
     def _show(self, elapsed: float) -> None:
-        state = self._runner.latest
+        state = self._runner.look()
         self._drag_push.request_preview()
         self.scene.draw(state.snapshot, self._runner.parameters, elapsed, self._drag_push.aim, state.world, state.was)
         self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)

@@ -223,6 +223,13 @@ class Gait:
         gait = replace(self, nb_steps=None)
         return gait._from_step(self.timing, tick, begin, touchdown, samples_per_step, support)
 
+    def waiting(self, tick: int) -> "Gait":
+        """The same gait one tick later than planned: at the next tick it is where it is at this one."""
+        if self.start is None:
+            return self
+        begin, end = self.step_ticks(tick)
+        return self._from_step(self.timing, tick, begin + 1, end + 1, self.samples_per_step)
+
     def _from_step(
         self, timing: Timing, tick: int, begin: int, end: int, samples_per_step: int, support: Side | None = None
     ) -> "Gait":

@@ -30,7 +30,8 @@ from walkcore.values import Vector, rotation
 FRAMES_PER_POINT = 2
 POINTS = 120  # eight seconds
 NOWHERE = np.full(2, np.nan)  # a point that there is not, which no plot draws
-HEIGHT = 128  # pixels
+HEIGHT = 140  # pixels
+TIME_AXIS = uplot.Axis(label="time [s]", size=22, labelSize=14, labelGap=0, gap=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,18 +56,36 @@ COP_LINES = (
     Line("from", SUPPORT, is_dashed=True),
     Line("to", SUPPORT, is_dashed=True),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """Lines over the time, and the range that is drawn at least: of a robot at rest the noise does not fill a plot."""
+
+    lines: tuple[Line, ...]
+    least: tuple[float, float]
+
+    def scales(self) -> dict[str, uplot.Scale]:
+        """Scales of both axes for uPlot."""
+        low, high = ({"pad": 0.1, "soft": limit, "mode": 1} for limit in self.least)
+        return {"x": uplot.Scale(time=False), "y": uplot.Scale(range={"min": low, "max": high})}
+
+
 PLOTS = {
-    "CoM velocity [m/s]": (
-        Line("forward", COM),
-        Line("its reference", COM, is_dashed=True),
-        Line("left", REFERENCE),
-        Line("its reference", REFERENCE, is_dashed=True),
+    "CoM velocity [m/s]": Plot(
+        (
+            Line("forward", COM),
+            Line("its reference", COM, is_dashed=True),
+            Line("left", REFERENCE),
+            Line("its reference", REFERENCE, is_dashed=True),
+        ),
+        least=(-0.1, 0.1),
     ),
-    "CoP forward of the support foot [m]": COP_LINES,
-    "CoP left of the support foot [m]": COP_LINES,
-    "DCM error, measured against model [m]": (Line("forward", COM), Line("left", DCM)),
-    "force on the soles [N]": (Line("left", LEFT_FOOT), Line("right", RIGHT_FOOT)),
-    "tick [ms]": (Line("mean", COM),),
+    "CoP forward of the support foot [m]": Plot(COP_LINES, least=(-0.1, 0.1)),
+    "CoP left of the support foot [m]": Plot(COP_LINES, least=(-0.1, 0.1)),
+    "DCM error, measured against model [m]": Plot((Line("forward", COM), Line("left", DCM)), least=(-0.01, 0.01)),
+    "force on the soles [N]": Plot((Line("left", LEFT_FOOT), Line("right", RIGHT_FOOT)), least=(0.0, 100.0)),
+    "tick [ms]": Plot((Line("mean", COM),), least=(0.0, 2.0)),
 }
 
 
@@ -120,15 +139,16 @@ class PlotsTab:
         times = np.linspace(-1.0, 0.0, 2)
         self.plots = [
             server.gui.add_uplot(
-                (times, *[np.zeros(2)] * len(lines)),
-                (uplot.Series(label="t"), *(line.series() for line in lines)),
+                (times, *[np.zeros(2)] * len(plot.lines)),
+                (uplot.Series(label="t"), *(line.series() for line in plot.lines)),
                 title=title,
                 height=HEIGHT,
-                scales={"x": uplot.Scale(time=False)},
+                scales=plot.scales(),
+                axes=(TIME_AXIS, uplot.Axis()),
                 legend=uplot.Legend(show=True, live=False),
                 padding=(8, 10, 0, 0),
             )
-            for title, lines in PLOTS.items()
+            for title, plot in PLOTS.items()
         ]
         """Plots in the order of `PLOTS`."""
 
@@ -147,9 +167,9 @@ class PlotsTab:
             return
         times, *values = columns
         first = 0
-        for plot, lines in zip(self.plots, PLOTS.values(), strict=True):
-            updates.control(plot, data=(times, *values[first : first + len(lines)]))
-            first += len(lines)
+        for drawn, plot in zip(self.plots, PLOTS.values(), strict=True):
+            updates.control(drawn, data=(times, *values[first : first + len(plot.lines)]))
+            first += len(plot.lines)
 
 
 def plotted(snapshot: Snapshot) -> list[float]:
