@@ -118,3 +118,13 @@ def test_every_tick_of_the_sample_motion_is_timed():
     motion = walks.sample_motion("hrp2", PERIOD)
     durations = walks.plan_durations(motion)
     assert len(durations) == motion.nb_ticks and durations.min() > 0.0
+
+
+def test_fig_7_has_both_curves_and_only_the_mean_of_the_black_one_converges(folder, walked):
+    start, analytic = measures.moments(walked.by_scheme["full"]).start, walked.analytic
+    red, black = (measures.time_to_reach(walk, start, 0.5) for walk in (walked.by_scheme["full"], analytic))
+    assert red < 0.6 * black
+    assert "#16121e" in (folder / "hrp2" / "fig7.svg").read_text(encoding="utf-8")
+    steady = measures.during(analytic, start + 2.4, start + 4.8)
+    assert np.mean(analytic["com_vx"][steady]) == pytest.approx(0.3, abs=0.01)
+    assert np.ptp(analytic["com_vx"][steady]) > 0.1

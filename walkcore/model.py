@@ -168,7 +168,7 @@ class ModelMotion:
         if model.gait_state.phase is Phase.SINGLE_SUPPORT:
             feet[model.gait_state.support_side.other] = self._next_swing_foot(model, plan.footholds[0])
             flight = None if flight is not None and flight.touchdown == tick else flight
-        com = model.com.integrated(plan.jerks[0], p.control_period)
+        com = model.com.integrated(plan.jerk, p.control_period)
         gait = Gait(p.timing, gait.support_side(tick)) if gait.has_ended(tick) else gait.at_next_step(p.timing, tick)
         self._stages.lap("swing_foot")
         return ModelState(tick, gait, flight, feet[Side.LEFT], feet[Side.RIGHT], com, offset)

@@ -8,6 +8,7 @@ import math
 
 from walkcore.command import Reference
 from walkcore.errors import FallError, NoSolutionFoundError, OutOfTimeError
+from walkcore.methods import METHODS, MethodPlans
 from walkcore.model import ModelState
 from walkcore.mpc.balance_sets import BalanceSets
 from walkcore.mpc.gait import Gait
@@ -41,6 +42,9 @@ class Planner:
         """
         self._robot, self._parameters, self._stages = robot, parameters, stages
         generator = self._generator = PatternGenerator(robot, parameters, stages, sets)
+        method = METHODS.get(parameters.scheme)
+        plans = generator if method is None else MethodPlans(method, robot, parameters, generator, stages)
+        self._plan = plans.plan
         compared = generator.sets.compared
         is_fixed = compared is None
         self._step_timing = None if is_fixed else AdaptiveTiming(robot, parameters, generator, compared, stages)
@@ -109,7 +113,7 @@ class Planner:
         failure: NoSolutionFoundError | None = None
         for gait in candidates:
             try:
-                plan = self._generator.plan(self._problem(model, gait, reference), time_left)
+                plan = self._plan(self._problem(model, gait, reference), time_left)
             except OutOfTimeError:
                 if not plans:
                     raise

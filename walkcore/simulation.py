@@ -292,7 +292,7 @@ class Simulation:
             t=model.tick * self.parameters.control_period,
             com=model.com,
             pendulum=pendulum,
-            jerk=NO_IMPULSE if plan is None else plan.jerks[0],
+            jerk=NO_IMPULSE if plan is None else plan.jerk,
             cop=freeze(pendulum.cop(model.com)),
             true_cop=None,
             torques=None if plant is None else plant.measured.torques,

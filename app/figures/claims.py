@@ -12,6 +12,7 @@ from walkcore.analysis.columns import cop_error, ticks_relaxed
 from walkcore.analysis.push_recovery import PushRecovery
 
 LABELS = {"speed_only": "(17)", "speed_and_jerk": "(19), γ = 0", "full": "(19)", "mean_velocity": "(31)"}
+FASTER = 0.6  # of the time that another scheme takes: "nearly twice as fast"
 SAME = 0.05  # relative difference below which a number is the paper's
 MARGIN = 0.03  # [m]
 MARGIN_TOLERANCE = 1e-6  # [m]
@@ -88,13 +89,15 @@ def _solve_times(times: SolveTimes) -> Iterator[Claim]:
 def _reaction(walks: Walks) -> Claim:
     walk = walks.by_scheme["full"]
     start = measures.moments(walk).start
-    reach, nearly = (measures.time_to_reach(walk, start, fraction) for fraction in (1.0, 0.9))
+    reach, nearly, half = (measures.time_to_reach(walk, start, fraction) for fraction in (1.0, 0.9, 0.5))
+    half_by_11 = measures.time_to_reach(walks.analytic, start, 0.5)
     step = float(walk.parameters["step_duration"])
     return Claim(
         "Reaction to a step of the reference (Fig. 7): until 0.3 m/s is reached",
         "within about a step, nearly twice as fast as [11]",
-        f"{reach:.3f} s ({nearly:.3f} to 90 %), a step lasts {step:g} s",
-        reach <= step,
+        f"{reach:.3f} s ({nearly:.3f} to 90 %), a step lasts {step:g} s; to half of it {half:.3f} s, by [11]"
+        f" {half_by_11:.3f} s",
+        reach <= step and half < FASTER * half_by_11,
         "the first foothold can be no further ahead than its region reaches",
     )
 

@@ -98,14 +98,24 @@ def draw_speed(
         legend(axes, [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")])
 
 
-def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: Recording) -> None:
-    """Draw the forward speed around the step of its reference, up to the push: the red curve of Fig. 7."""
+def draw_reaction(path: Path, formats: tuple[str, ...], title: str, recording: Recording, analytic: Recording) -> None:
+    """Draw the forward speed around the step of its reference, up to the push, red, and that by [11] black: Fig. 7.
+
+    Args:
+        path: of the figure, without its ending.
+        formats: endings: svg, pdf, png.
+        title: above the axes.
+        recording: of the sample motion.
+        analytic: of the same by the method of [11].
+    """
     when = measures.moments(recording)
     with figure(path, formats, SPEED_HEIGHT) as axes:
+        black = {"color": "#16121e", "linewidth": 1.1, "label": "CoM, by the method of [11]", "zorder": 2.4}
+        axes.plot(analytic["t"], analytic["com_vx"], **black)  # pyright: ignore[reportArgumentType]  # of any type
         _draw_speed(axes, recording, "x")
         axes.set(xlim=(0.0, when.push), xlabel="time [s]")
         shown = measures.during(recording, 0.0, when.push)
-        low, high = speed_limits([recording], "x", shown)
+        low, high = speed_limits([recording, analytic], "x", shown)
         axes.set_ylim(low, high)
         axes.set_title(title, pad=22)
         legend(axes, list(axes.get_lines()))

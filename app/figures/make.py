@@ -71,8 +71,8 @@ def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
         above, over_time = (f"Fig. {n} · {name} · {TITLES[scheme]}" for n in (number, number + 1))
         drawing.draw_from_above(folder / f"fig{number}", formats, above, by_scheme[scheme])
         drawing.draw_speed(folder / f"fig{number + 1}", formats, over_time, by_scheme[scheme], "x", forward)
-    title = f"Fig. 7, red curve · {name} · reaction to a step of the reference"
-    drawing.draw_reaction(folder / "fig7", formats, title, by_scheme["full"])
+    title = f"Fig. 7 · {name} · reaction to a step of the reference"
+    drawing.draw_reaction(folder / "fig7", formats, title, by_scheme["full"], walks.analytic)
     for number, scheme in ((8, "full"), (9, "mean_velocity")):
         title, walk = f"Fig. {number} · {name} · {TITLES[scheme]}", by_scheme[scheme]
         means = measures.mean_over_horizon(walk, "com_vy")

@@ -47,6 +47,8 @@ class Walks:
     """The sample motion; `full` with the body, where there is one: the other figures do not show it."""
     filtered: Recording | None
     """The sample motion by `full`, with the dynamic filter; None for a robot without a body."""
+    analytic: Recording
+    """The sample motion without its push, by the method of [11]."""
     without_push: Recording
     """The sample motion by `full`, without its push."""
     hard_push: Recording
@@ -68,7 +70,8 @@ def simulate(robot: str, control_period: float) -> Walks:
     varied = {name: (scenario, using(scenario, "mean_velocity")) for name, scenario in _variations(robot).items()}
     filtered = replace(embodied, parameters=embodied.parameters.changed({"dynamic_filter": True}))
     filters = [filtered] if embodied.robot.body is not None else []
-    scenarios = [*motions.values(), *filters, pushed(motion, 0.0), pushed(motion, HARD_PUSH)]
+    analytic = using(pushed(motion, 0.0), "morisawa")
+    scenarios = [*motions.values(), *filters, analytic, pushed(motion, 0.0), pushed(motion, HARD_PUSH)]
     scenarios += [scenario for pair in varied.values() for scenario in pair]
     with JobPool(usable_cores()) as pool:
         done = dict(pool.run([partial(record, scenario) for scenario in scenarios]))
@@ -77,6 +80,7 @@ def simulate(robot: str, control_period: float) -> Walks:
         robot=embodied.robot,
         by_scheme={scheme: next(walked) for scheme in motions},
         filtered=next(walked) if filters else None,
+        analytic=next(walked),
         without_push=next(walked),
         hard_push=next(walked),
         variations={name: Variation(next(walked), next(walked)) for name in varied},

@@ -57,7 +57,7 @@ class PatternGenerator:
     def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:
         p = self._parameters
         are_free = p.formulation.footholds is not Footholds.PLANNED
-        lipm = _tick_preview(p.horizon_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
+        lipm = tick_preview(p.horizon_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
         preview = Preview(stances, lipm, p.timing.samples_per_step, are_free)
         return phase_matrices(preview, p, nb_edges)
 
@@ -290,7 +290,7 @@ class PatternGenerator:
             dcm=dcm,
             cop=cop,
             footholds=footholds,
-            stances=self._stances(problem, footholds),
+            stances=self.stances(problem, footholds),
             stance_of_sample=stances.stance_of_sample,
             samples_on_support=stances.samples_on_support,
             regions=supports.region_vertices,
@@ -299,7 +299,7 @@ class PatternGenerator:
             is_capturable=True,
         )
 
-    def _stances(self, problem: WalkingProblem, footholds: tuple[Footstep, ...]) -> tuple[Stance, ...]:
+    def stances(self, problem: WalkingProblem, footholds: tuple[Footstep, ...]) -> tuple[Stance, ...]:
         """The stances of the horizon, by the numbers of `stance_of_sample`."""
         sole, stances = self._robot.sole, problem.horizon.stances
         feet = (problem.support, *footholds)
@@ -318,7 +318,7 @@ def _centre(plan: Plan, sample: SampleStance) -> Vector:
 @lru_cache(
     maxsize=128
 )  # most changes of parameters leave them as they are, and each is first used at a tick of its own
-def _tick_preview(nb_samples: int, period: float, time_to_sample: float, pendulum: Pendulum) -> PreviewMatrices:
+def tick_preview(nb_samples: int, period: float, time_to_sample: float, pendulum: Pendulum) -> PreviewMatrices:
     """The preview at a tick: the first interval ends at the next sample of the gait's grid."""
     intervals = np.full(nb_samples, period)
     intervals[0] = time_to_sample

@@ -70,8 +70,15 @@ class Plan:
     status: Status
     is_capturable: bool
     """Whether further steps can catch the robot where the plan ends."""
+    tick_jerk: Vector | None = None
+    """Jerk of the CoM over the coming tick [m/s^3], shape (2,), where it is another one than that of its interval."""
     is_continued: bool = False
     """Whether it is the plan of the tick before, which goes on because there was no time for a new one."""
+
+    @property
+    def jerk(self) -> Vector:
+        """Jerk of the CoM over the coming tick [m/s^3], shape (2,)."""
+        return self.jerks[0] if self.tick_jerk is None else self.tick_jerk
 
     @property
     def predecessors(self) -> tuple[Footstep, ...]:

@@ -180,7 +180,7 @@ def nearest_within(polygon: Matrix, point: Vector) -> Vector:
         polygon: counter-clockwise [m], shape (V, 2).
         point: [m], shape (2,).
     """
-    edges = np.roll(polygon, -1, axis=0) - polygon
+    edges = np.concatenate((polygon[1:], polygon[:1])) - polygon
     to_point = point - polygon
     if np.all(edges[:, 0] * to_point[:, 1] - edges[:, 1] * to_point[:, 0] >= 0.0):
         return point

@@ -17,6 +17,7 @@ class Footholds(Enum):
     FREE = "the QP"
     ADAPTED = "a planner, and the QP may move them at a cost"
     PLANNED = "a planner, from the reference velocity"
+    REGULATED = "a control law without a QP, which moves planned ones"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,9 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
         "preview_control": Scheme(
             "(11), planned steps, no constraints [7]", _cop_tracking, Footholds.PLANNED, is_constrained=False
         ),
+        "morisawa": Scheme("analytic, foot place modified at once [11], no QP", _cop_tracking, Footholds.REGULATED),
+        "sugihara": Scheme("saturated regulator [16], no QP", _cop_tracking, Footholds.REGULATED),
+        "dcm_tracker": Scheme("DCM tracking, Englsberger 2015, no QP", _cop_tracking, Footholds.REGULATED),
     }
 )
 DEPRECATED: Mapping[str, str] = MappingProxyType({"mean_speed": "mean_velocity"})

@@ -189,6 +189,8 @@ class SupportGeometry:
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._sets = sets
         self._supports = instance_cache(self._compute_supports, MAX_SUPPORTS)
+        self.planned_stride = instance_cache(self._planned_stride, MAX_SUPPORTS)
+        """Stride for a reference velocity and the side of the landing foot, in the frame of the support foot [m]."""
 
     def _sets_for(self, step_duration: float) -> CaptureSets:
         """The sets for the DCM, if the coming steps take some time [s]."""
@@ -217,17 +219,19 @@ class SupportGeometry:
 
     def planned_footholds(self, problem: WalkingProblem, supports: Supports) -> Matrix:
         """Footholds that follow the reference velocity, as far as their regions allow [m], shape (m, 2)."""
-        reference, position = problem.reference, problem.support.position
-        drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
+        position = problem.support.position
         positions: list[Vector] = []
         yaws = (problem.support.yaw, *supports.yaws)
         for side, yaw in zip(supports.sides[: problem.horizon.stances.nb_footholds], yaws, strict=False):
-            aside = np.array([0.0, side.sign * self._robot.stance_width])
-            region = self._regions[side][closest_band(self._bands, 0.0)]
-            stride = aside + region.fraction_inside(aside, drift) * drift
-            position = position + rotation(yaw) @ stride
+            position = position + rotation(yaw) @ self.planned_stride(problem.reference, side)
             positions.append(position)
         return np.array(positions).reshape(-1, 2)
+
+    def _planned_stride(self, reference: Reference, side: Side) -> Vector:
+        drift = self._parameters.step_duration * np.array([reference.vx, reference.vy])
+        aside = np.array([0.0, side.sign * self._robot.stance_width])
+        region = self._regions[side][closest_band(self._bands, 0.0)]
+        return aside + region.fraction_inside(aside, drift) * drift
 
     def next_yaw(self, problem: WalkingProblem) -> float:
         """Yaw of the next foothold [rad]."""
