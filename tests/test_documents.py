@@ -8,7 +8,7 @@ import yaml
 
 from app.commands import cli
 from app.formats import FORMATS
-from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, timeline
+from app.routes import driver_lease, live_robot, scripted_runs, service, sockets, sweeps, timeline
 from walkcore import load_scenario, scenario_names
 from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
 from walkcore.mpc.schemes import SCHEMES
@@ -25,7 +25,7 @@ WRITTEN = {  # by commands, to a user's folder
     *("growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json", "sweep.json", "sweep.html", "speed.svg"),
 }
 ROUTERS = (
-    *(module.router for module in (live_robot, timeline, driver_lease, scripted_runs, service, sockets)),
+    *(module.router for module in (live_robot, timeline, driver_lease, scripted_runs, sweeps, service, sockets)),
     service.metrics_router,
 )
 ROUTES = {

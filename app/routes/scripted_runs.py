@@ -92,7 +92,7 @@ REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/sch
 )
 async def events(run: KnownRun, followed: RoomToFollow) -> AsyncIterable[ServerSentEvent]:
     """Follow a run by server-sent events: its state, whenever that changes, until it has ended."""
-    async for summary in followed.summaries(run):
+    async for summary in followed.summaries(RunSummary.model_validate(run)):
         yield ServerSentEvent(data=summary)
 
 
