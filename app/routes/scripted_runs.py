@@ -133,5 +133,6 @@ def _download(run: Run, name: str, runs: Runs) -> FileResponse:
         runs.file(run.id, name),
         media_type=media_type,
         filename=f"{stem}-{run.id[:8]}.{name.rpartition('.')[2]}",
+        content_disposition_type="inline" if name.endswith(".html") else "attachment",
         headers={"Content-Security-Policy": "sandbox allow-scripts"},  # a replay is no page of ours
     )
