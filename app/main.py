@@ -23,8 +23,10 @@ from app.http.guards import BodyLimitMiddleware, SameOriginMiddleware
 from app.http.headers import SecurityHeadersMiddleware
 from app.http.hosts import KnownHostMiddleware, KnownHosts
 from app.http.prometheus import LiveMetrics
+from app.http.run_schemas import RunSummary
 from app.http.scene_proxy import scene_router
 from app.http.seats import Seats
+from app.http.sweep_schemas import SweepSummary
 from app.http.token import HEALTH, TokenMiddleware, Tokens, signin_router
 from app.http.turns import TurnMiddleware
 from app.http.watchdog import Watchdog
@@ -33,10 +35,21 @@ from app.live.driver_lease import DriverLease
 from app.live.past import PastTicks
 from app.robot_choices import RobotChoices
 from app.robot_switch import RobotSwitch
-from app.routes import booth, driver_lease, lessons, live_robot, scripted_runs, service, sockets, timeline
+from app.routes import (
+    booth,
+    driver_lease,
+    lessons,
+    live_robot,
+    scripted_runs,
+    service,
+    sockets,
+    sweeps,
+    timeline,
+)
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
 from app.settings import Settings
+from app.sweeps.posted_sweeps import PostedSweeps, SweepLimits
 from app.viewer import LIGHT, RenderQuality
 from walkcore import load_robot
 
@@ -96,15 +109,22 @@ def create_app(settings: Settings) -> FastAPI:
     quality = LIGHT if settings.scene == "light" else RenderQuality()
     switch = RobotSwitch(robot, choices, settings.walk_plant, quality, lease)
     runs = _runs(settings, choices)
+    posted_sweeps = PostedSweeps(
+        runs.folder / "sweeps",
+        SweepLimits(settings.sweeps_max_ticks, settings.sweeps_queued, settings.sweeps_kept),
+        choices,
+    )
     streams = sockets.SnapshotStreams(lambda: switch.runner.look())
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         switch.start()
         runs.start()
+        posted_sweeps.start()
         try:
             yield
         finally:
+            posted_sweeps.stop()
             runs.stop()
             switch.stop()
 
@@ -120,7 +140,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.booth = Booth(lambda: switch.runner, lease)
     app.state.lesson_folder = settings.walk_lessons
     app.state.past = PastTicks(lambda: switch.runner)
-    app.state.followed = FollowedRuns(runs)
+    app.state.followed = FollowedRuns(lambda run_id: RunSummary.model_validate(runs.get(run_id)))
+    app.state.sweeps = posted_sweeps
+    app.state.followed_sweeps = FollowedRuns(lambda sweep: SweepSummary.model_validate(posted_sweeps.get(sweep)))
     app.state.metrics = LiveMetrics(
         lambda: switch.runner,
         lambda: streams.nb_clients,
@@ -139,7 +161,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
     app.add_middleware(EndingMiddleware)
-    for routes in (live_robot, timeline, driver_lease, booth, sockets, scripted_runs, lessons, service):
+    for routes in (live_robot, timeline, driver_lease, booth, sockets, scripted_runs, lessons, sweeps, service):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
     app.include_router(scene_router(lambda: switch.viewer, seats))

@@ -75,6 +75,12 @@ class Settings(BaseSettings):
     """Most ticks of one run."""
     runs_max_events: int = Field(default=1000, ge=0)
     """Most events of one run."""
+    sweeps_queued: int = Field(default=8, ge=1)
+    """Sweeps that may wait; one is walked at a time."""
+    sweeps_kept: int = Field(default=50, ge=1)
+    """Ended sweeps that are kept; the oldest go first."""
+    sweeps_max_ticks: int = Field(default=20_000_000, ge=1)
+    """Most ticks of all trials of one sweep."""
 
     @model_validator(mode="after")
     def _has_two_tokens(self) -> Self:

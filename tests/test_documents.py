@@ -8,7 +8,17 @@ import yaml
 
 from app.commands import cli
 from app.formats import FORMATS
-from app.routes import booth, driver_lease, lessons, live_robot, scripted_runs, service, sockets, timeline
+from app.routes import (
+    booth,
+    driver_lease,
+    lessons,
+    live_robot,
+    scripted_runs,
+    service,
+    sockets,
+    sweeps,
+    timeline,
+)
 from walkcore import load_scenario, scenario_names
 from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
 from walkcore.mpc.schemes import SCHEMES
@@ -27,7 +37,7 @@ WRITTEN = {  # by commands, to a user's folder
 ROUTERS = (
     *(
         module.router
-        for module in (live_robot, timeline, driver_lease, booth, scripted_runs, lessons, service, sockets)
+        for module in (live_robot, timeline, driver_lease, booth, scripted_runs, lessons, sweeps, service, sockets)
     ),
     service.metrics_router,
 )

@@ -30,6 +30,7 @@ BODIES = {
     "speed": "speed",
     "random-pushes": "random_pushes",
     "runs": "scenario",
+    "sweeps": "sweep",
 }
 
 

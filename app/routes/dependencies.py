@@ -9,6 +9,8 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from app.http.run_schemas import RunSummary
+from app.http.sweep_schemas import SweepSummary
 from app.live.booth import Booth
 from app.live.driver_lease import DriverLease
 from app.live.past import PastTicks
@@ -16,6 +18,8 @@ from app.live.runner import Runner
 from app.robot_switch import RobotSwitch
 from app.routes.followed_runs import FollowedRuns
 from app.runs import Run, Runs
+from app.sweeps.posted_sweep import PostedSweep
+from app.sweeps.posted_sweeps import PostedSweeps
 from app.viewer import Viewer
 
 
@@ -69,11 +73,35 @@ def _run(run_id: str, runs: AllRuns) -> Run:
 KnownRun = Annotated[Run, Depends(_run)]
 
 
-async def _room_to_follow(connection: HTTPConnection) -> FollowedRuns:
+async def _room_to_follow(connection: HTTPConnection) -> FollowedRuns[RunSummary]:
     """The followed runs, if one more stream may be opened: a stream that has begun cannot be refused."""
-    followed: FollowedRuns = connection.app.state.followed
+    followed: FollowedRuns[RunSummary] = connection.app.state.followed
     followed.check_room()
     return followed
 
 
-RoomToFollow = Annotated[FollowedRuns, Depends(_room_to_follow)]
+RoomToFollow = Annotated[FollowedRuns[RunSummary], Depends(_room_to_follow)]
+
+
+async def _sweeps(connection: HTTPConnection) -> PostedSweeps:
+    return connection.app.state.sweeps
+
+
+AllSweeps = Annotated[PostedSweeps, Depends(_sweeps)]
+
+
+def _sweep(sweep_id: str, sweeps: AllSweeps) -> PostedSweep:
+    """The sweep of a path."""
+    return sweeps.get(sweep_id)
+
+
+KnownSweep = Annotated[PostedSweep, Depends(_sweep)]
+
+
+async def _room_to_follow_sweeps(connection: HTTPConnection) -> FollowedRuns[SweepSummary]:
+    followed: FollowedRuns[SweepSummary] = connection.app.state.followed_sweeps
+    followed.check_room()
+    return followed
+
+
+RoomToFollowSweeps = Annotated[FollowedRuns[SweepSummary], Depends(_room_to_follow_sweeps)]

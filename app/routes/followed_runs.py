@@ -1,37 +1,45 @@
-"""Runs that streams of events follow: each is looked up once for all of its streams."""
+"""Runs and sweeps that streams of events follow: each is looked up once for all of its streams."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 from app.http.run_schemas import RunSummary
-from app.runs import Run, Runs, RunsUnavailableError, UnknownRunError
+from app.http.sweep_schemas import SweepSummary
+from app.runs import RunsUnavailableError, UnknownRunError
 from app.runs.run import ENDED
 
 PERIOD = 0.2  # [s] between looks
 MAX_STREAMS = 200  # open at once
 RETRY_AFTER = 10  # [s]
 
+Summary = TypeVar("Summary", RunSummary, SweepSummary)
+
 
 @dataclass(slots=True, eq=False)
-class _Followed:
+class _Followed(Generic[Summary]):
     """A run with streams, and what was last known of it."""
 
-    summary: RunSummary
+    summary: Summary
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     """Set, and replaced, when there is something new, or when the run is gone."""
     nb_streams: int = 0
     is_gone: bool = False
 
 
-class FollowedRuns:
+class FollowedRuns(Generic[Summary]):
     """Reader of the followed runs, for any number of streams. Belongs to the event loop."""
 
-    def __init__(self, runs: Runs) -> None:
-        """Follow none yet."""
-        self._runs = runs
-        self._followed: dict[str, _Followed] = {}
+    def __init__(self, look_up: Callable[[str], Summary]) -> None:
+        """Follow none yet.
+
+        Args:
+            look_up: gives the present summary of an id; raises `UnknownRunError` if there is none.
+        """
+        self._summary = look_up
+        self._followed: dict[str, _Followed[Summary]] = {}
         self._reader: asyncio.Task[None] | None = None
         self._nb_streams = 0
 
@@ -44,9 +52,14 @@ class FollowedRuns:
         if self._nb_streams >= MAX_STREAMS:
             raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open", RETRY_AFTER)
 
-    async def summaries(self, run: Run) -> AsyncIterator[RunSummary]:
-        """The state of a run, now and at each change, until it has ended or is gone."""
-        followed = self._followed.setdefault(run.id, _Followed(RunSummary.model_validate(run)))
+    async def summaries(self, first: Summary) -> AsyncIterator[Summary]:
+        """The state of a run, now and at each change, until it has ended or is gone.
+
+        Args:
+            first: state of the run as it was found.
+        """
+        run_id = first.id
+        followed = self._followed.setdefault(run_id, _Followed(first))
         followed.nb_streams += 1
         self._nb_streams += 1
         try:
@@ -62,7 +75,7 @@ class FollowedRuns:
             self._nb_streams -= 1
             followed.nb_streams -= 1
             if not followed.nb_streams:
-                self._followed.pop(run.id, None)
+                self._followed.pop(run_id, None)
 
     async def _read(self) -> None:
         """Look up every followed run, as long as there is one."""
@@ -75,9 +88,9 @@ class FollowedRuns:
                     followed.changed.set()
                     followed.changed = asyncio.Event()
 
-    def _look_up(self, run_ids: list[str]) -> dict[str, RunSummary | None]:
-        found: dict[str, RunSummary | None] = dict.fromkeys(run_ids)
+    def _look_up(self, run_ids: list[str]) -> dict[str, Summary | None]:
+        found: dict[str, Summary | None] = dict.fromkeys(run_ids)
         for run_id in run_ids:
             with suppress(UnknownRunError):
-                found[run_id] = RunSummary.model_validate(self._runs.get(run_id))
+                found[run_id] = self._summary(run_id)
         return found

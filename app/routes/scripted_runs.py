@@ -92,7 +92,7 @@ REFUSED = {"content": {"application/json": {"schema": {"$ref": "#/components/sch
 )
 async def events(run: KnownRun, followed: RoomToFollow) -> AsyncIterable[ServerSentEvent]:
     """Follow a run by server-sent events: its state, whenever that changes, until it has ended."""
-    async for summary in followed.summaries(run):
+    async for summary in followed.summaries(RunSummary.model_validate(run)):
         yield ServerSentEvent(data=summary)
 
 
@@ -133,5 +133,6 @@ def _download(run: Run, name: str, runs: Runs) -> FileResponse:
         runs.file(run.id, name),
         media_type=media_type,
         filename=f"{stem}-{run.id[:8]}.{name.rpartition('.')[2]}",
+        content_disposition_type="inline" if name.endswith(".html") else "attachment",
         headers={"Content-Security-Policy": "sandbox allow-scripts"},  # a replay is no page of ours
     )

@@ -5,11 +5,12 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any, Protocol
 
-from app.jobs import JobProcess, ProcessDiedError
-from app.runs.run import NoRecordingError, Run, RunProgress, RunsUnavailableError
-from app.runs.run_jobs import Simulate, convert
-from app.runs.store import RETRY_AFTER, RunStore
+from app.jobs import Job, JobProcess, ProcessDiedError
+from app.runs.run import NoRecordingError, RunsUnavailableError
+from app.runs.run_jobs import convert
+from app.runs.store import RETRY_AFTER
 from walkcore import WalkError
 
 logger = logging.getLogger(__name__)
@@ -20,10 +21,52 @@ MAX_CONVERSIONS = 8  # threads of the server's that may wait for one
 RETRY_PERIOD = 1.0  # [s] after which a disk that took nothing is tried again
 
 
-class RunQueue:
-    """Takes the run that has waited longest whenever one of its processes is free."""
+class QueuedWork(Protocol):
+    """A run, or other work of a queue."""
 
-    def __init__(self, store: RunStore, nb_processes: int, on_end: Callable[[], None]) -> None:
+    @property
+    def id(self) -> str:
+        """Id of the work."""
+        ...
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more will change."""
+        ...
+
+
+class WorkStore(Protocol):
+    """Keeper of the work of a queue: `RunStore`, or one of other work."""
+
+    def get(self, run_id: str, /) -> QueuedWork:
+        """The work of an id."""
+        ...
+
+    def start_next(self) -> QueuedWork | None:
+        """The work that has waited longest, from now on running; None without."""
+        ...
+
+    def has_work(self) -> bool:
+        """Whether something waits."""
+        ...
+
+    def fail(self, run_id: str, reason: str, /) -> None:
+        """Mark work that was under way as failed."""
+        ...
+
+    def job(self, run_id: str, /) -> Job[Any]:
+        """The job that does the work."""
+        ...
+
+    def keep(self, run_id: str, result: Any, /) -> object:
+        """Keep the result of the job."""
+        ...
+
+
+class RunQueue:
+    """Takes the run, or the other work of a store, that has waited longest whenever one of its processes is free."""
+
+    def __init__(self, store: WorkStore, nb_processes: int, on_end: Callable[[], None]) -> None:
         """Start nothing yet.
 
         Args:
@@ -34,7 +77,7 @@ class RunQueue:
         self._store, self._on_end = store, on_end
         self._wake = threading.Condition()
         self._is_stopping = False
-        self._progress: dict[str, RunProgress] = {}
+        self._progress: dict[str, Any] = {}
         self._processes: dict[str, JobProcess] = {}
         self._threads = [
             threading.Thread(target=self._serve, name=f"runs {i}", daemon=True) for i in range(nb_processes)
@@ -68,8 +111,8 @@ class RunQueue:
             if process is not None:
                 process.kill()
 
-    def progress(self, run_id: str) -> RunProgress | None:
-        """The progress of a run; None where it is not under way."""
+    def progress(self, run_id: str) -> Any:
+        """The progress that the job of a run reported last; None before that, and where it is not under way."""
         return self._progress.get(run_id)
 
     def _serve(self) -> None:
@@ -90,7 +133,7 @@ class RunQueue:
         if process is not None:
             process.kill()
 
-    def _next(self, process: JobProcess | None) -> Run | None:
+    def _next(self, process: JobProcess | None) -> QueuedWork | None:
         """Wait for a run; None when the queue stops, or when a process has been idle for long."""
         with self._wake:
             while not self._is_stopping:
@@ -104,25 +147,24 @@ class RunQueue:
                     return None
         return None
 
-    def _simulate(self, run: Run, process: JobProcess) -> None:
+    def _simulate(self, run: QueuedWork, process: JobProcess) -> None:
         with self._wake:
             if self._is_stopping or self._store.get(run.id).has_ended:  # cancelled before the process was known
                 return
             self._processes[run.id] = process
-        self._progress[run.id] = RunProgress()
         try:
-            job = Simulate(run.scenario, self._store.unfinished(run.id))
+            job = self._store.job(run.id)
             done = process.run(job, lambda progress: self._progress.update({run.id: progress}))
             if self._is_stopping:
                 return
             if (error := done.exception()) is not None:
                 self._store.fail(run.id, _reason(error))
             else:
-                self._store.finish(run.id, done.result().real_time_factor)
+                self._store.keep(run.id, done.result())
         finally:
             with self._wake:  # a cancellation under way ends the process before it is at another run
                 self._processes.pop(run.id)
-            self._progress.pop(run.id)
+            self._progress.pop(run.id, None)
 
 
 class Converter:

@@ -14,8 +14,8 @@ ENDED = ("done", "failed", "cancelled")
 class UnknownRunError(Exception):
     """There is no run of that id, or no longer."""
 
-    def __init__(self, run_id: str) -> None:
-        super().__init__(f"no run {run_id[:64]!r}")
+    def __init__(self, run_id: str, kind: str = "run") -> None:
+        super().__init__(f"no {kind} {run_id[:64]!r}")
 
 
 class NoRecordingError(Exception):

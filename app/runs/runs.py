@@ -59,6 +59,11 @@ class Runs:
         self.sessions = SessionKeeper(self._store)
         """Keeps walks that were driven live; see `add_session`."""
 
+    @property
+    def folder(self) -> Path:
+        """Folder where the runs are kept, which no other server has."""
+        return self._store.folder
+
     def start(self) -> None:
         """Begin with the queued runs."""
         self._queue.start()

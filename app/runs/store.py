@@ -26,6 +26,7 @@ from uuid import uuid4
 from app.runs.database import RunDatabase, is_broken
 from app.runs.recovery import corrected, folder_size, outcome
 from app.runs.run import Run, RunProgress, RunStatus, RunsUnavailableError, UnknownRunError
+from app.runs.run_jobs import Simulate, SimulationResult
 
 logger = logging.getLogger(__name__)
 
@@ -154,6 +155,18 @@ class RunStore:
             if run is None or self._error:
                 return None
             return self._put(replace(run, status="running", started=time.time()))
+
+    def job(self, run_id: str) -> Simulate:
+        """The job that simulates a run.
+
+        Raises:
+            OSError: if there can be no folder for its files.
+        """
+        return Simulate(self.get(run_id).scenario, self.unfinished(run_id))
+
+    def keep(self, run_id: str, result: SimulationResult) -> bool:
+        """Keep the files of a run that was simulated; see `finish`."""
+        return self.finish(run_id, result.real_time_factor)
 
     def unfinished(self, run_id: str) -> Path:
         """A new empty folder for the files of a run that is under way.

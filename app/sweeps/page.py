@@ -63,6 +63,7 @@ def _data(folder: Path, sweep: Sweep, outcomes: Sequence[CellOutcome], walks: Se
         "phases": pushes.phases,
         "duration": pushes.duration,
         "max_impulse": pushes.scan.max_impulse,
+        "tolerance": pushes.scan.tolerance,
         "observed": OBSERVED,
         "walks": [_walk(sweep, outcomes, walk) for walk in walks],
         "rows": summary_rows(walks),
