@@ -190,6 +190,8 @@ def test_it_walks_by_itself_until_somebody_drives_and_again_a_minute_later(booth
     booth.queue.join("a")
     lives(1.0, clock, booth)
     assert not booth.is_attracting and runner.taken() == []
+    with pytest.raises(NotYourTurnError):
+        booth.steer("b", 1.0, 0.0, 0.0)
     booth.steer("a", 1.0, -1.0, 0.0)
     ((driver, reference),) = runner.taken()
     limits = runner.robot.max_reference
@@ -210,6 +212,8 @@ def test_it_leaves_the_robot_to_whoever_drives_at_a_page_or_has_the_lease(booth,
     lives(ATTRACT_AFTER + 1.0, clock, booth)
     assert runner.taken()
     lease.give("a", "a")
+    lives(1.0, clock, booth)
+    assert not booth.is_attracting and booth.problem == ""
     booth.queue.join("b")
     lives(1.0, clock, booth)
     assert "drives alone" in booth.problem and not booth.is_attracting

@@ -165,7 +165,7 @@ class Booth:
 
     def _look_after(self, runner: Runner, now: float) -> None:
         state = runner.latest
-        if _is_driven(state) or self.queue.driver or self.problem:
+        if _is_driven(state) or self.queue.driver or self.queue.is_kept_out:
             self._last_driven = now
         self.is_attracting = now - self._last_driven >= ATTRACT_AFTER
         if state.snapshot.status is Status.FALLEN or state.fault:

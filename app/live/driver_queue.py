@@ -72,6 +72,11 @@ class DriverQueue:
         """Time that is left of the turn [s]; zero without a driver."""
         return max(0.0, self._turn_began + TURN - self._clock()) if self._line else 0.0
 
+    @property
+    def is_kept_out(self) -> bool:
+        """Whether a browser drives alone, which keeps all visitors waiting."""
+        return self._lease.holder not in ("", LEASE)
+
     def place(self, name: str) -> int | None:
         """Number of visitors before one in the line, 0 for the driver; None for one that is not in it."""
         return next((place for place, visitor in enumerate(self._line) if visitor.name == name), None)
