@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.analysis.survival import NominalWalk
 from walkcore.methods import METHODS
 from walkcore.methods.dcm_tracker import dcm_reference
 from walkcore.methods.morisawa import AnalyticPlan
@@ -127,6 +128,13 @@ def test_one_tick_from_a_state_is_the_same_in_another_simulation(scheme):
     for _ in range(STEP):
         one, same = (robot.step(Command(Reference(vx=0.2))) for robot in (simulation, other))
         assert one.com.matrix.tobytes() == same.com.matrix.tobytes()
+
+
+def test_a_push_that_the_forecast_gives_up_is_followed_to_the_end():
+    robot = replace(load_robot("talos"), body=None)
+    nominal = NominalWalk(robot, replace(FAST, scheme="dcm_tracker", control_period=0.02), Reference())
+    push = Push(28.034 * np.array([math.cos(1.10312), math.sin(1.10312)]))
+    assert nominal.survives(0.8632, push) and nominal.survives_to_the_end(0.8632, push)
 
 
 def test_the_jerk_of_a_tick_brings_the_cop_where_it_is_wanted():
