@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.analysis.survival import NominalWalk
 from walkcore.methods import METHODS
 from walkcore.methods.dcm_tracker import dcm_reference
+from walkcore.methods.morisawa import AnalyticPlan
 from walkcore.methods.planning import jerk_to_cop
 from walkcore.methods.situation import Situation
 from walkcore.mpc.lipm import CoMState, Pendulum
@@ -56,7 +58,8 @@ def walking(error=(0.0, 0.0), lift_off=0.0, time_in_air=0.5):
         inner_sole=0.6 * HRP2.sole,
     )
     dcm = dcm_reference(now).dcm(0.0) + error
-    return replace(now, com=CoMState(np.array([dcm, np.zeros(2), np.zeros(2)])))
+    acceleration = OMEGA**2 * (dcm - feet[0].position)  # the CoP is in the middle of the foot
+    return replace(now, com=CoMState(np.array([dcm, np.zeros(2), acceleration])))
 
 
 def test_every_method_is_a_scheme():
@@ -127,6 +130,13 @@ def test_one_tick_from_a_state_is_the_same_in_another_simulation(scheme):
         assert one.com.matrix.tobytes() == same.com.matrix.tobytes()
 
 
+def test_a_push_that_the_forecast_gives_up_is_followed_to_the_end():
+    robot = replace(load_robot("talos"), body=None)
+    nominal = NominalWalk(robot, replace(FAST, scheme="dcm_tracker", control_period=0.02), Reference())
+    push = Push(28.034 * np.array([math.cos(1.10312), math.sin(1.10312)]))
+    assert nominal.survives(0.8632, push) and nominal.survives_to_the_end(0.8632, push)
+
+
 def test_the_jerk_of_a_tick_brings_the_cop_where_it_is_wanted():
     pendulum, com = Pendulum(0.8), CoMState(np.array([[0.1, 0.0], [0.2, -0.3], [0.5, 0.1]]))
     for tick in (0.005, 0.1):
@@ -163,3 +173,46 @@ def test_what_the_cop_cannot_mend_by_the_touchdown_the_foothold_takes():
     at_touchdown = toe + growth * (now.dcm[0] - toe)  # as the CoP stays at the toe
     reached = dcm_reference(decision.steps).dcm(now.touchdown + 1e-9)[0]
     assert reached == pytest.approx(at_touchdown, abs=2e-3)
+
+
+@pytest.mark.parametrize(("lift_off", "time_in_air"), [(0.0, 0.5), (0.04, 0.7), (0.6, 0.7)])
+def test_the_analytic_plan_goes_on_from_the_cop_and_the_dcm_of_the_present(lift_off, time_in_air):
+    now = walking(error=[0.02, -0.01], lift_off=lift_off, time_in_air=time_in_air)
+    plan, h = AnalyticPlan(now), 1e-4
+    assert np.allclose(plan.dcm(0.0), now.dcm, atol=1e-12)
+    assert np.allclose(plan.cop(0.0), now.pendulum.cop(now.com), atol=1e-12)
+    for t in np.linspace(2 * h, 3.0, 200):
+        rate = (plan.dcm(t + h) - plan.dcm(t - h)) / (2 * h)
+        assert np.abs(rate - OMEGA * (plan.dcm(t) - plan.cop(t))).max() < 1e-2
+
+
+def test_an_analytic_plan_that_is_solved_again_later_is_the_same_plan():
+    now, passed = walking(error=[0.02, -0.01]), 0.2
+    plan = AnalyticPlan(now)
+    cop, dcm = plan.cop(passed), plan.dcm(passed)
+    com = np.array([cop, OMEGA * (dcm - cop), np.zeros(2)])  # a state with that CoP and that DCM
+    later = AnalyticPlan(replace(now, com=CoMState(com), time_in_air=now.time_in_air - passed))
+    for t in np.linspace(0.0, 1.0, 11):
+        assert np.allclose(later.cop(t), plan.cop(t + passed), atol=1e-9)
+
+
+def test_the_foot_place_is_modified_where_the_zmp_would_leave_the_sole():
+    now = walking(error=[0.07, 0.0])
+    modified = METHODS["morisawa"].decide(now, 0.005, np.linspace(0.1, 1.6, 16)).steps
+    before, after = (
+        max(AnalyticPlan(steps).cop(t)[0] for t in np.linspace(0.0, 0.49, 50)) for steps in (now, modified)
+    )
+    toe = now.sole[:, 0].max()
+    assert before > toe + 0.01 and after == pytest.approx(toe, abs=0.005)
+    assert modified.footholds[0].position[0] > now.footholds[0].position[0] + 0.02
+    calm = walking(error=[0.02, 0.0])
+    assert METHODS["morisawa"].decide(calm, 0.005, np.linspace(0.1, 1.6, 16)).steps.footholds == calm.footholds
+
+
+def test_the_regulator_moves_a_foot_only_where_its_cop_saturates():
+    times = np.linspace(0.1, 1.6, 16)
+    calm, pushed = walking(error=[0.01, 0.0]), walking(error=[0.13, 0.0])
+    decided = METHODS["sugihara"].decide(calm, 0.005, times)
+    assert np.allclose(decided.steps.footholds[0].position, calm.footholds[0].position, atol=1e-9)
+    decided = METHODS["sugihara"].decide(pushed, 0.005, times)
+    assert decided.steps.footholds[0].position[0] > pushed.footholds[0].position[0] + 0.02

@@ -21,6 +21,7 @@ from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.command import Command, Push, Reference
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
+from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Side
 from walkcore.parameters import Parameters
 from walkcore.plant.world import PERFECT, World
@@ -134,7 +135,9 @@ class NominalWalk:
         self._command = Command(reference)
         self._simulation = Simulation(self.robot, parameters, world=world)
         self._nb_ticks = round(OBSERVED / parameters.control_period)
-        self._is_timing_fixed = parameters.step_timing == "fixed" and parameters.plant == "ideal"
+        # A method without a QP only forecasts: it may catch what its forecast says is lost.
+        is_planned = parameters.formulation.footholds is not Footholds.REGULATED
+        self._is_loss_final = parameters.step_timing == "fixed" and parameters.plant == "ideal" and is_planned
         self._step_ticks = round(parameters.step_duration / parameters.control_period)
         self._points: dict[int, BranchPoint] = {}
         self._walk_to_touchdown()
@@ -181,7 +184,8 @@ class NominalWalk:
 
         A robot that has recovered, and has walked one more step by the paper's QP, converges to its steady walk: each
         step leaves less than half of the distance. With fixed step timing a DCM that no step can catch is out of reach
-        for good, since no later step comes sooner. `survives_to_the_end` decides the same; a test compares them.
+        of a QP for good, since no later step comes sooner; a method without a QP is followed to the fall.
+        `survives_to_the_end` decides the same; a test compares them.
 
         Args:
             phase: of the step, in [0, 1).
@@ -194,7 +198,7 @@ class NominalWalk:
             if now.status is Status.FALLEN:
                 return False
             assert now.plan is not None
-            lost_for = lost_for + 1 if self._is_timing_fixed and not now.plan.is_capturable else 0
+            lost_for = lost_for + 1 if self._is_loss_final and not now.plan.is_capturable else 0
             if lost_for > lost_ticks:
                 return False
             has_recovered = _has_recovered(monitor) and now.status is Status.SOLVED
