@@ -4,25 +4,20 @@
     python benchmarks/push_survival.py "talos in place" --timing adaptive --phases 4
     python benchmarks/push_survival.py --timing adaptive --bound    # beside what any controller could survive
 
-Survival is not monotonic in the impulse, so each direction is scanned in coarse steps up to the first fall, and
-the interval before it is bisected. A push is survived if the robot is on its feet 8 s later, or has walked by the
-paper's QP for 2.4 s without a break: from there on it repeats itself.
+Walks, trials and the scan are those of a sweep, `walkcore.analysis.survival`; impulses go beyond the robots' limits.
 """
 
 import argparse
 import math
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
-from walkcore.analysis.push_bound import StepClass, largest_impulse
-from walkcore.mpc.gait import Phase
-from walkcore.mpc.plan import Status
-from walkcore.state import SimulationState
+from walkcore import Parameters, Push, Reference, load_robot
+from walkcore.analysis.survival import ImpulseScan, NominalWalk, survived_impulses
 
 IN_PLACE = {"stepping_in_place": True}
 ROWS = {
@@ -32,9 +27,7 @@ ROWS = {
     "hrp2 in place": ("hrp2", IN_PLACE, Reference()),
     "hrp2 0.3 m/s": ("hrp2", IN_PLACE, Reference(vx=0.3)),
 }
-COARSE, TOLERANCE, LARGEST = 8.0, 2.0, 160.0  # [N s]
-DURATION, QUIET = 8.0, 2.4  # [s]
-STEADY = 8.0  # [s] of walking before the push
+SCAN = ImpulseScan(max_impulse=160.0, coarse=8.0, tolerance=2.0)  # [N s]
 
 
 @dataclass(frozen=True)
@@ -44,7 +37,7 @@ class Cell:
     row: str
     timing: str
     direction: float
-    """[rad], in the world."""
+    """[rad], in the heading frame."""
     phase: float
     """Fraction of the step that has passed since the touchdown."""
     period: float
@@ -93,67 +86,25 @@ def _summary(found: np.ndarray) -> str:
 
 def largest_survived(cell: Cell) -> float:
     """The largest impulse that is survived with all smaller ones that were tried [N s]."""
-    simulation, reference, state = _before_push(cell.row, cell.timing, cell.phase, cell.period, cell.solver)
-    direction = np.array([math.cos(cell.direction), math.sin(cell.direction)])
-
-    def survives(impulse: float) -> bool:
-        simulation.restore(state)
-        return _survives(simulation, reference, impulse * direction)
-
-    low, high = 0.0, COARSE
-    while high < LARGEST and survives(high):
-        low, high = high, high + COARSE
-    while high - low > TOLERANCE:
-        middle = (low + high) / 2
-        low, high = (middle, high) if survives(middle) else (low, middle)
-    return low
+    walk = _walk(cell.row, cell.timing, cell.period, cell.solver)
+    return survived_impulses(lambda impulse: walk.survives(cell.phase, Push(impulse * _unit(cell))), SCAN).largest
 
 
 def bound(cell: Cell) -> float:
     """The largest impulse that any controller of the class could survive [N s]."""
-    simulation, reference, state = _before_push(cell.row, "fixed", cell.phase, cell.period, cell.solver)
-    direction = np.array([math.cos(cell.direction), math.sin(cell.direction)])
-    simulation.restore(state)
-    before = simulation.preview(Command(reference))
-    T = simulation.parameters.double_support_duration
-    return largest_impulse(before, simulation.robot, T, direction, StepClass())
+    return _walk(cell.row, "fixed", cell.period, cell.solver).bound(cell.phase, _unit(cell))
 
 
-def _survives(simulation: Simulation, reference: Reference, impulse: np.ndarray) -> bool:
-    period = simulation.parameters.control_period
-    solved_for = 0
-    snapshot = simulation.step(Command(reference, Push(impulse)))
-    for _ in range(round(DURATION / period)):
-        snapshot = simulation.step(Command(reference))
-        if snapshot.status is Status.FALLEN:
-            return False
-        solved_for = solved_for + 1 if snapshot.status is Status.SOLVED else 0
-        if solved_for * period > QUIET:
-            return True
-    return True
+def _unit(cell: Cell) -> np.ndarray:
+    return np.array([math.cos(cell.direction), math.sin(cell.direction)])
 
 
-@lru_cache(maxsize=32)
-def _before_push(
-    row: str, timing: str, phase: float, period: float, solver: str
-) -> tuple[Simulation, Reference, SimulationState]:
-    """A steady walk of the point mass, as far into a step as the phase says."""
+@lru_cache(maxsize=4)
+def _walk(row: str, timing: str, period: float, solver: str) -> NominalWalk:
+    """The steady walk of a row."""
     name, values, reference = ROWS[row]
     chosen = {"step_timing": timing, "control_period": period, "solver": solver}
-    parameters = Parameters.from_mapping(values | chosen)
-    simulation = Simulation(replace(load_robot(name), body=None), parameters)
-    before = simulation.step(Command(reference))
-    for _ in range(round(STEADY / parameters.control_period)):
-        before = simulation.step(Command(reference))
-    if before.phase is not Phase.STANDING:
-        while (
-            simulation.preview(Command(reference)).phase is not Phase.DOUBLE_SUPPORT
-            or before.phase is not Phase.SINGLE_SUPPORT
-        ):
-            before = simulation.step(Command(reference))
-        for _ in range(round(phase * parameters.step_duration / parameters.control_period)):
-            simulation.step(Command(reference))
-    return simulation, reference, simulation.state
+    return NominalWalk(load_robot(name), Parameters.from_mapping(values | chosen), reference)
 
 
 if __name__ == "__main__":

@@ -377,7 +377,8 @@ def test_documentation_lists_every_route(server):
         f"/api/v1/runs{rest}"
         for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in (*RUN_FILES, "timeline")))
     }
-    expected = services | runs | {f"/api/v1/live/{verb}" for verb in verbs}
+    sweeps = {f"/api/v1/sweeps{rest}" for rest in ("", "/{sweep_id}", "/{sweep_id}/events", "/{sweep_id}/{name}")}
+    expected = services | runs | sweeps | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
 
 

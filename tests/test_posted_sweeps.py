@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from importlib.resources import files
 
 import pyarrow.parquet as pq
 import pytest
@@ -95,7 +96,7 @@ def test_a_sweep_under_way_is_cancelled_with_its_process_and_the_next_one_begins
     ("changed", "field"),
     [
         ({"moon": 1}, "sweep.moon"),
-        ({"robots": ["/etc/passwd"]}, "robot"),
+        ({"robots": [str(files("walkcore") / "robots" / "hrp2.yaml")]}, "robot"),
         ({"references": [{"vx": 0.001 * k} for k in range(51)]}, "combinations of robots, parameters and references"),
         ({"pushes": SMALL["pushes"] | {"directions": 3600, "phases": 100}}, "ticks of all trials"),
     ],

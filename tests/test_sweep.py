@@ -167,6 +167,15 @@ def test_what_is_decided_early_is_decided_as_after_all_of_the_time(timing, nb):
     )
 
 
+def test_a_long_push_is_not_survived_for_the_ticks_at_which_it_is_still_weak():
+    walk = NominalWalk(load_robot("hrp2"), Parameters.from_mapping(FAST), Reference())
+    lethal = Push([0.0, 40.0], duration=1.0)
+    first, _ = next(iter(walk._after(0.25, lethal, None)))
+    assert first.status is Status.SOLVED, "the paper's QP solves the first ticks of this push"
+    assert not walk.survives_to_the_end(0.25, lethal)
+    assert not walk.survives(0.25, lethal)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("robot", ["talos", "hrp2"])
 @pytest.mark.parametrize("timing", ["fixed", "adaptive"])
