@@ -48,6 +48,7 @@ function show(state) {
   const place = placeOf(state);
   if (place !== "driving") controls.forEach((control) => control.release());
   document.body.dataset.place = place;
+  element("controls").inert = place !== "driving";
   const [words, more] = inWords(place, state);
   say("place", words);
   say("more", state?.error || more);

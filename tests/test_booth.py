@@ -12,13 +12,14 @@ from urllib.parse import parse_qs, quote, urlsplit
 import httpx
 import pytest
 import segno
+from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, Server, serving, wait_for
 from playwright.sync_api import Browser, Page, expect
 from pointers import Mouse, centre
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from app.live.booth import ATTRACT_AFTER, FAR, PUSH_PERIOD, PUSH_SHARE, ROUND, STAND_UP_AFTER, Booth
+from app.live.booth import ATTRACT_AFTER, ATTRACT_PUSH_SHARE, FAR, PUSH_PERIOD, PUSH_SHARE, ROUND, STAND_UP_AFTER, Booth
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.driver_queue import (
     ABSENCE_TIMEOUT,
@@ -224,8 +225,9 @@ def test_a_round_shows_all_directions_and_pushes_within_the_bounds_of_visitors(b
     told = runner.taken()
     references = [entry[1] for entry in told if isinstance(entry, tuple)]
     pushes = [entry for entry in told if not isinstance(entry, tuple)]
+    assert ATTRACT_PUSH_SHARE <= PUSH_SHARE
     assert len(pushes) == sum(stretch.push is not None for stretch in ROUND) == 2
-    assert all(math.hypot(*p.impulse) == pytest.approx(PUSH_SHARE * runner.robot.max_push) for p in pushes)
+    assert all(math.hypot(*p.impulse) == pytest.approx(ATTRACT_PUSH_SHARE * runner.robot.max_push) for p in pushes)
     assert max(r.vx for r in references) > 0.0 and {math.copysign(1, r.vy) for r in references if r.vy} == {1, -1}
     assert references[-1] == Reference()  # at rest, where the next round begins
     assert "reset" not in told
@@ -422,6 +424,9 @@ def test_the_screen_leads_phones_to_a_stick_and_a_push_one_after_the_other(visit
             page.set_viewport_size({"width": width, "height": height})
             assert page.evaluate(OUTSIDE) == [] or page is second, (width, height)
             assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), (width, height)
+    assert Axe().run(first).response["violations"] == []
+    assert second.locator("#controls").evaluate("(e) => e.inert")
+    assert Axe().run(screen).response["violations"] == []
     first.close()
     expect(second.locator("#place")).to_have_text("You drive!")
     screen.close()
