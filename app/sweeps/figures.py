@@ -104,7 +104,7 @@ def _finish_rose(axes: Axes, title: str, highest: float, bound: Vector | None) -
     axes.set_xticks(np.radians(np.arange(0, 360, 45)))
     axes.set_xticklabels(["ahead", "", "left", "", "back", "", "right", ""])
     axes.set_ylim(0.0, max(highest, 0.0 if bound is None else float(np.max(bound))) * 1.02)
-    axes.set_title(f"{title}\nlargest push survived [N s], by the direction it goes to", pad=14)
+    axes.set_title(f"{title}\nlargest push survived by its direction [N s]", pad=14)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2)
 
 
