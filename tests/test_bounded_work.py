@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from conftest import PATIENCE, wait_for
 
+from app.http.run_schemas import RunSummary
 from app.live.control import Control
 from app.live.session_log import Session
 from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
@@ -121,11 +122,11 @@ def lookups() -> Lookups:
 
 def test_streams_of_a_run_share_its_reader_and_all_see_its_end(lookups):
     async def follow() -> list[list[str]]:
-        followed: Any = FollowedRuns(lookups)  # type: ignore[arg-type]
+        followed: Any = FollowedRuns(lambda run_id: RunSummary.model_validate(lookups.get(run_id)))
         seen: list[list[str]] = [[] for _ in range(50)]
 
         async def read(k: int) -> None:
-            async for summary in followed.summaries(lookups.runs["a"]):
+            async for summary in followed.summaries(RunSummary.model_validate(lookups.runs["a"])):
                 seen[k].append(summary.status)
 
         streams = [asyncio.create_task(read(k)) for k in range(50)]
@@ -141,9 +142,9 @@ def test_streams_of_a_run_share_its_reader_and_all_see_its_end(lookups):
 
 def test_a_stream_ends_when_its_run_is_removed(lookups):
     async def follow() -> list[str]:
-        followed: Any = FollowedRuns(lookups)  # type: ignore[arg-type]
+        followed: Any = FollowedRuns(lambda run_id: RunSummary.model_validate(lookups.get(run_id)))
         run = lookups.runs.pop("b")
-        return [summary.status async for summary in followed.summaries(run)]
+        return [summary.status async for summary in followed.summaries(RunSummary.model_validate(run))]
 
     assert asyncio.run(asyncio.wait_for(follow(), PATIENCE))[0] == "running"
 

@@ -209,6 +209,7 @@ NOTES_WATCHING = """addEventListener("DOMContentLoaded", () => {
 });"""
 
 
+@pytest.mark.exhaustive
 def test_the_page_asks_shows_the_walk_and_says_what_it_measured(browser: Browser, server: Server, api: httpx.Client):
     page = browser.new_page()
     page.set_default_timeout(1e3 * PATIENCE)
