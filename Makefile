@@ -19,7 +19,7 @@ run: install
 	@exec $(BIN)/walk serve
 
 # One process per core; the tests of a file share a server, so they stay together.
-PYTEST := $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
+PYTEST := $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test: check browser
 	$(PYTEST)

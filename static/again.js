@@ -16,7 +16,7 @@ function scenarioOfAddress() {
 }
 
 /** A scenario with its hardest push in words. */
-function inWords({ robot = "talos", duration, events = [] }) {
+function inWords({ robot = "The robot", duration, events = [] }) {
   const strengths = events.map(({ push }) => Math.hypot(...(push?.impulse ?? [0])));
   return `${robot} walks for ${Number(duration).toFixed(1)} s, and is pushed with ${Math.max(0, ...strengths).toFixed(1)} N·s.`;
 }

@@ -371,14 +371,15 @@ def test_documentation_lists_every_route(server):
     paths = httpx.get(f"{server.url}openapi.json").json()["paths"]
     verbs = ("reference", "push", "pause", "resume", "step", "reset", "parameters", "parameters/defaults")
     verbs += ("speed", "preview", "random-pushes", "save", "layers", "layers/defaults", "lease", "world")
-    verbs += ("robot", "robot/defaults", "timeline", "timeline/{tick}", "fork")
+    verbs += ("robot", "robot/defaults", "timeline", "timeline/{tick}", "fork", "booth", "booth/code.svg")
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "session", "live")}
     runs = {
         f"/api/v1/runs{rest}"
         for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in (*RUN_FILES, "timeline")))
     }
     sweeps = {f"/api/v1/sweeps{rest}" for rest in ("", "/{sweep_id}", "/{sweep_id}/events", "/{sweep_id}/{name}")}
-    expected = services | runs | sweeps | {f"/api/v1/live/{verb}" for verb in verbs}
+    lessons = {"/api/v1/lessons", "/api/v1/lessons/{name}/outcome"}
+    expected = services | runs | sweeps | lessons | {f"/api/v1/live/{verb}" for verb in verbs}
     assert set(paths) == expected
 
 

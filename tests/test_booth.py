@@ -398,6 +398,7 @@ OUTSIDE = """() => [...document.querySelectorAll("h1, #more, .joystick, .turn, #
   .map((e) => e.id || e.className)"""
 
 
+@pytest.mark.exhaustive
 def test_the_screen_leads_phones_to_a_stick_and_a_push_one_after_the_other(visit, api):
     screen = visit("?booth=http://10.0.0.7:8000", viewport={"width": 1920, "height": 1080})
     expect(screen.locator("#booth-state")).to_contain_text("by itself")

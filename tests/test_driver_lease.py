@@ -100,6 +100,7 @@ def test_others_are_refused_once_and_may_stop_the_robot(server, api):
         assert api.put("live/reference", json={"vx": 0.1}).status_code == 200
 
 
+@pytest.mark.exhaustive
 def test_a_person_drives_alone_and_hands_over_on_the_page(server, api, browser: Browser):
     page = browser.new_page()
     page.goto(server.url)

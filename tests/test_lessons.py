@@ -78,6 +78,7 @@ def test_an_earlier_touchdown_catches_what_could_not_be_caught():
     assert not walked("5-what-cannot-be-caught", "right", step_timing="adaptive").metrics()["has_fallen"]
 
 
+@pytest.mark.exhaustive
 def test_large_weights_sway_more_and_answer_a_push_more_slowly():
     lesson, sways, steps = load_lesson("3-alpha-beta-gamma"), {}, {}
     for name, scenario in lesson.walks.items():

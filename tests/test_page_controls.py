@@ -353,6 +353,7 @@ def test_push_pressed_before_the_connection_is_open_is_given_once_it_is(visit, a
     wait_for(lambda: api.get("live").json()["last_push"] != before)
 
 
+@pytest.mark.exhaustive
 def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
     page, other = visit(), visit()
     page.get_by_test_id("random").click()
@@ -399,6 +400,7 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         api.patch("live/layers", json=layers)
 
 
+@pytest.mark.exhaustive
 def test_preset_of_a_link_is_played_when_it_is_asked_for(visit, api, server):
     page = visit(f"{server.url}#preset=shove")
     notices = page.locator("#notices")
@@ -507,6 +509,7 @@ window.requestAnimationFrame = (draw) => setTimeout(() => soon(draw), 200);
 """
 
 
+@pytest.mark.exhaustive
 def test_slow_scene_is_loaded_anew_with_less_to_draw(visit):
     page = visit(before=SLOW_GRAPHICS_CARD)
     viewer = page.get_by_test_id("viewer")

@@ -130,7 +130,6 @@ def names_in_code() -> dict[str, set[str]]:
 def test_no_robot_is_named_in_the_code_but_the_default_one_and_those_of_the_papers_figures():
     assert names_in_code() == {
         "walkcore/robot_file.py": {"talos"},
-        "walkcore/simulation.py": {"talos"},
         "app/figures/walks.py": {"hrp2", "talos"},
         "app/commands/cli.py": {"hrp2", "talos"},  # walk figures --robots
     }

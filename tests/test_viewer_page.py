@@ -57,6 +57,7 @@ def assert_right_and_back(push):
     assert 5.0 < np.hypot(x, y) < -2.0 * y and x < 0.0
 
 
+@pytest.mark.exhaustive
 def test_finger_that_drags_the_body_pushes_it_that_way(visit, api):
     page = visit(**PHONE)
     assert_right_and_back(push_by(Finger(page), chest_of(page), api))
