@@ -145,6 +145,7 @@ def test_robot_walks_where_the_joystick_points_and_stops_when_let_go(visit, api,
     assert live(api)["status"] == 0
 
 
+@pytest.mark.exhaustive
 def test_push_button_makes_the_velocity_jump_and_the_robot_keeps_walking(visit, api):
     page = visit(**DESKTOP)
     mass = next(robot["mass"] for robot in api.get("robots").json() if robot["name"] == "talos")

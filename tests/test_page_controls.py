@@ -161,6 +161,7 @@ def test_zero_stops_a_held_key_until_the_next_touch(visit, api):
     page.keyboard.up("i")
 
 
+@pytest.mark.exhaustive
 def test_two_browsers_and_a_phone_see_who_drives(visit, api):
     watching, keys, phone = visit(), visit(), visit(**PHONE)
     keys.keyboard.down("i")
@@ -342,6 +343,7 @@ def test_beside_the_dial_stands_how_hard_a_push_in_its_direction_would_be_surviv
     }
 
 
+@pytest.mark.exhaustive
 def test_push_pressed_before_the_connection_is_open_is_given_once_it_is(visit, api):
     page, held = visit(), []
     page.route("**/teleop_worker.js*", lambda route: held.append(route))
@@ -518,6 +520,7 @@ def test_slow_scene_is_loaded_anew_with_less_to_draw(visit):
     expect(page.locator("#notices")).to_contain_text("slow")
 
 
+@pytest.mark.exhaustive
 def test_page_says_that_the_connection_is_lost_and_finds_a_server_that_restarts(browser):
     server = start_server("--robot", "hrp2")
     port = server.host.rpartition(":")[2]

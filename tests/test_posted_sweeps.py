@@ -58,6 +58,7 @@ def test_a_posted_sweep_is_followed_to_its_end_and_has_the_cells_of_the_command_
     assert api.get(f"sweeps/{sweep_id}").status_code == 404
 
 
+@pytest.mark.exhaustive
 def test_a_click_on_a_cell_of_a_listed_sweep_leads_to_that_walk_in_3d(api, server, browser):
     sweep_id = api.post("sweeps", json=SMALL).json()["id"]
     wait_for(lambda: api.get(f"sweeps/{sweep_id}").json()["status"] == "done")

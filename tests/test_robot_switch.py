@@ -179,6 +179,7 @@ def test_a_folder_is_read_anew_at_every_call(tmp_path):
     assert "late" not in choices.sources()
 
 
+@pytest.mark.exhaustive
 def test_pages_follow_a_robot_that_is_chosen_in_one_of_them(api, server, browser: Browser):
     context = browser.new_context()
     scenes: list[str] = []
