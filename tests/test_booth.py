@@ -162,7 +162,7 @@ class FakeRunner:
         return Future()
 
     def taken(self) -> list[Any]:
-        """What it was told since the last time."""
+        """Messages that have come since the last call."""
         told, self.told = self.told, []
         return told
 

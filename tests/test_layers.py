@@ -24,7 +24,8 @@ CORE = """
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant
     plant.driver_state plant.driver
-    methods.situation methods.method methods.sugihara methods.morisawa methods.dcm_tracker methods.planning
+    methods.situation methods.trajectory methods.method methods.sugihara methods.morisawa methods.dcm_tracker
+    methods.planning
     pushes model methods planner snapshot coupling state simulation
     scenario.expectations scenario.events scenario.scenario scenario.lesson
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin

@@ -48,6 +48,19 @@ def test_plots_hold_each_point_once_and_start_anew_after_a_reset(viser_server, w
     assert max(times(walk[:10])) <= walk[9].t + 1e-6
 
 
+def test_plots_of_an_ideal_walk_hide_physics_and_take_no_range_from_a_line_without_values(viser_server, walk):
+    plots, updates = PlotsTab(viser_server), SceneUpdates()
+    for snapshot in walk[:30]:
+        plots.record(SimpleNamespace(snapshot=snapshot, timing=SimpleNamespace(tick_ms=1.0)))
+    plots.update(updates)
+    sent = [message["updates"] for message in updates.changes(0)]
+    for (title, plot), values in zip(PLOTS.items(), sent, strict=True):
+        assert values["visible"] is (title not in ("DCM error, measured against model [m]", "force on the soles [N]"))
+        for line, data in zip(plot.lines, values["data"][1:], strict=True):
+            is_scanned = line.series().get("auto", True)
+            assert not (values["visible"] and is_scanned and np.isnan(data).any()), f"{title}: {line.label}"
+
+
 def test_plots_show_the_cop_within_its_bounds_and_the_velocity_with_its_reference(walk):
     for snapshot in walk:
         forward, vx, left, vy, *cops = plotted(snapshot)[:14]

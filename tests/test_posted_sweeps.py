@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from importlib.resources import files
+from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
@@ -149,6 +150,34 @@ def test_a_sweep_goes_on_with_the_missing_cells_after_its_server_was_killed(tmp_
     assert pq.read_table(after.results(posted.id) / "cells.parquet").equals(table_of(sweep))
     assert (after.get(posted.id).status, after.get(posted.id).nb_done) == ("done", 4)
     assert PostedSweepStore(tmp_path).get(posted.id).size > 0
+
+
+def test_a_disk_that_lets_no_sweep_go_does_not_end_the_queue(tmp_path, monkeypatch):
+    store = PostedSweepStore(tmp_path)
+    sweep_id = store.add(SMALL, 4).id
+    store.cancel(sweep_id)
+
+    def refuse(*_, **__):
+        raise OSError("read-only")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(Path, "unlink", refuse)
+        store.trim(0)  # as the queue does after each sweep
+    assert [sweep.id for sweep in store.list()] == [sweep_id]
+    store.trim(0)
+    assert store.list() == []
+
+
+def test_a_sweep_that_cannot_be_read_is_left_for_the_next_server(tmp_path, monkeypatch):
+    sweep_id = PostedSweepStore(tmp_path).add(SMALL, 4).id
+
+    def refuse(*_, **__):
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(Path, "read_text", refuse)
+        assert PostedSweepStore(tmp_path).list() == []
+    assert [sweep.id for sweep in PostedSweepStore(tmp_path).list()] == [sweep_id]
 
 
 def test_the_oldest_ended_sweeps_go_first_and_what_is_broken_goes_at_once(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.http.sweep_schema import sweep_schema
+from app.http.sweep_schemas import sweep_schema
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.analysis import sweep as sweeps
 from walkcore.analysis.survival import OBSERVED, ImpulseScan, NominalWalk, survived_impulses

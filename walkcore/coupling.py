@@ -204,7 +204,7 @@ class DrivenBody:
     def _note(self, reached: dict[str, bool], model: ModelState) -> None:
         """Remember the limits that are reached at this tick."""
         signs, now = self._driver.signs, [name for name in SIGNS if reached.get(name)]
-        step = self._needed_step(model) if "not_capturable" in now and signs.step is None else None
+        step = self._step_out_of_reach(model) if "not_capturable" in now and signs.step is None else None
         self._driver.signs = signs.seen(now, model.tick, self._period, step)
 
     def note_push(self, push: GivenPush, model: ModelState, goes_on: bool) -> None:
@@ -240,7 +240,7 @@ class DrivenBody:
         """The step that was needed when the DCM left the capturable set, where it was out of reach."""
         return self._driver.signs.step
 
-    def _needed_step(self, model: ModelState) -> NeededStep | None:
+    def _step_out_of_reach(self, model: ModelState) -> NeededStep | None:
         """The step that would stop the robot, if it is out of reach, with the CoP as near to the DCM as it can be."""
         gait, pendulum, support = model.gait_state, self._pendulum, model.support_foot
         time = model.gait.timing.step_duration if gait.phase is Phase.STANDING else gait.time_to_touchdown

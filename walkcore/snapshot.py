@@ -1,5 +1,6 @@
 """The snapshot of one tick, for viewers, streams, recorders and checks."""
 
+import math
 from dataclasses import dataclass
 
 from walkcore.command import Reference
@@ -12,6 +13,9 @@ from walkcore.plant.fall_watch import NeededStep
 from walkcore.plant.plant import GroundContact, Measurement
 from walkcore.pushes import GivenPush
 from walkcore.values import Vector
+
+RESTING_SPEED = 1e-3  # [m/s] of the CoM of a robot at rest, at most
+RESTING_DISTANCE = 1e-3  # [m] between its CoP and its DCM, at most: apart they drive each other on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +92,18 @@ class Snapshot:
     """Step out of reach that would have stopped a robot which has fallen; None where that was another limit."""
     twin: "Snapshot | None" = None
     """The ideal plant on the same commands, where one walks beside this one."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the robot stands for good, is to stand, and hardly moves."""
+        return (
+            self.reference.is_zero
+            and self.status is Status.SOLVED
+            and self.phase is Phase.STANDING
+            and self.steps_to_stand == 0
+            and math.dist(self.com.velocity.tolist(), (0.0, 0.0)) < RESTING_SPEED
+            and math.dist(self.dcm.tolist(), self.cop.tolist()) < RESTING_DISTANCE
+        )
 
     @property
     def com_height(self) -> float:

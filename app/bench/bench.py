@@ -58,8 +58,8 @@ class SteadyWalk:
     assemble_and_solve: Durations
     """The QP's share of it, the check of the solution included."""
     fastest: Durations
-    """That share with each tick counted once, by the fastest of its rounds: the same work each time, so what is left
-    is the code's, and what comes and goes is the machine's."""
+    """Assembling and solving where each tick counts once, by the fastest of its rounds. The work is the same in each,
+    so this is the cost of the code; what the rounds differ by is the machine's."""
 
 
 @dataclass(frozen=True, slots=True)

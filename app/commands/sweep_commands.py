@@ -44,7 +44,7 @@ class SweepCommand:
     def __call__(self) -> int:
         """Walk, write and tell."""
         if self.schema:
-            from app.http.sweep_schema import sweep_schema
+            from app.http.sweep_schemas import sweep_schema
 
             print(json.dumps(sweep_schema(), indent=2))
             return 0

@@ -55,7 +55,7 @@ class LessonMeasurement(BaseModel):
 
 
 class LessonOutcome(BaseModel):
-    """What the experiment says."""
+    """Outcome of the experiment of a lesson."""
 
     right: list[str] = Field(description="Names of the choices all of whose expectations hold.")
     answer: str = Field(description="The choice that the text explains.")
@@ -77,7 +77,7 @@ def lesson_body(lesson: Lesson) -> LessonBody:
 
 
 def lesson_outcome(lesson: Lesson, metrics: Mapping[str, Mapping[str, Any]]) -> LessonOutcome:
-    """What the walks of a lesson say.
+    """Outcome of the walks of a lesson.
 
     Args:
         lesson: that was tried.

@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
@@ -26,7 +24,6 @@ from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Sn
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
 from walkcore.analysis.twin import TwinMonitor
 from walkcore.errors import InvalidValueError
-from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
 from walkcore.plant.world import PERFECT, World
 from walkcore.stages import CountedTime, Stopwatch, TimeLeft, unlimited
@@ -36,8 +33,6 @@ logger = logging.getLogger(__name__)
 
 PAST = ReferenceCommand(Reference(), "past")
 """Driver that is told while a forked walk follows the commands of the walk that was."""
-RESTING_SPEED = 1e-3  # [m/s] of the CoM of a robot that stands at rest, at most
-RESTING_DISTANCE = 1e-3  # [m] of its CoP from its DCM, which drive the CoM apart from each other
 MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 
@@ -412,20 +407,15 @@ class Control:
             comparison=None if self._forked is None else self._forked.comparison,
             was=None if self._forked is None else self._forked.was,
         )
-        self._is_asleep = started > self._attended_until and self._is_at_rest(command, snapshot)
+        self._is_asleep = started > self._attended_until and self._repeats_itself(snapshot)
 
-    def _is_at_rest(self, command: Command, snapshot: Snapshot) -> bool:
+    def _repeats_itself(self, snapshot: Snapshot) -> bool:
         """Whether the coming ticks would be like this one."""
         return (
-            command.reference.is_zero
+            snapshot.is_at_rest
             and self._random_pusher is None
             and self._forked is None
-            and snapshot.status is Status.SOLVED
-            and snapshot.phase is Phase.STANDING
-            and snapshot.steps_to_stand == 0
             and not self._simulation.state.pushes
-            and float(np.hypot(*snapshot.com.velocity)) < RESTING_SPEED
-            and float(np.hypot(*(snapshot.dcm - snapshot.cop))) < RESTING_DISTANCE
         )
 
     def _next_command(self) -> tuple[Command, ReferenceCommand]:

@@ -56,7 +56,7 @@ class BoothBody(BaseModel):
 
 @router.get("")
 async def booth(booth: TheBooth) -> BoothBody:
-    """Who drives at the booth, and the link that its code holds."""
+    """State of the booth: the visitor who drives, the line, and the link that the code on the screen holds."""
     return BoothBody(is_open=booth.is_open, phone=_phone_path(booth), **_state(booth))
 
 

@@ -41,7 +41,7 @@ def lessons(folder: LessonFolder) -> list[LessonBody]:
     },
 )
 def outcome(name: Name, run: RunIds, runs: AllRuns, folder: LessonFolder) -> LessonOutcome:
-    """What an experiment says, by the metrics of its runs: which choices are right, and why."""
+    """Outcome of an experiment by the metrics of its runs: which choices are right, and why."""
     files = _files(folder)
     if name not in files:
         raise HTTPException(404, f"no lesson {name!r}; there are: {', '.join(files)}")

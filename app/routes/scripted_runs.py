@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import AsyncIterable
+from pathlib import Path
 from typing import Any, Literal
 
 from fastapi import APIRouter, Response
@@ -17,6 +18,7 @@ from app.http.schemas import ErrorBody, TimelineBody
 from app.routes.dependencies import AllRuns, KnownRun, RoomToFollow
 from app.routes.past_run import run_timeline
 from app.runs import Run, Runs
+from app.sweeps.posted_sweep import PostedSweep
 
 BUSY: dict[str, Any] = {
     "model": ErrorBody,
@@ -128,11 +130,24 @@ def run_json(run: KnownRun, runs: AllRuns) -> FileResponse:
 def _download(run: Run, name: str, runs: Runs) -> FileResponse:
     """A file, named after the scenario."""
     media_type = next((form.media_type for form in FORMATS.values() if form.file == name), "application/json")
-    stem = re.sub(r"[^\w.-]+", "-", run.name)[:60]
+    return file_response(run, runs.file(run.id, name), f".{name.rpartition('.')[2]}", media_type, "allow-scripts")
+
+
+def file_response(work: Run | PostedSweep, path: Path, ending: str, media_type: str, rights: str) -> FileResponse:
+    """A file of a run or a sweep, named after it: a page opens, anything else is saved.
+
+    Args:
+        work: whose file it is.
+        path: of the file.
+        ending: of the name that it is saved under, behind the name and the id of the run or the sweep.
+        media_type: of the file.
+        rights: of a page, which is none of ours: words of a Content-Security-Policy's sandbox.
+    """
+    stem = re.sub(r"[^\w.-]+", "-", work.name)[:60]
     return FileResponse(
-        runs.file(run.id, name),
+        path,
         media_type=media_type,
-        filename=f"{stem}-{run.id[:8]}.{name.rpartition('.')[2]}",
-        content_disposition_type="inline" if name.endswith(".html") else "attachment",
-        headers={"Content-Security-Policy": "sandbox allow-scripts"},  # a replay is no page of ours
+        filename=f"{stem}-{work.id[:8]}{ending}",
+        content_disposition_type="inline" if ending.endswith(".html") else "attachment",
+        headers={"Content-Security-Policy": f"sandbox {rights}"},
     )

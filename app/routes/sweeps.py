@@ -1,6 +1,5 @@
 """Sweeps: send one, follow it, see what came of it."""
 
-import re
 from collections.abc import AsyncIterable
 from typing import Any, Literal
 
@@ -10,10 +9,9 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from app.http.guards import MAX_BODY
 from app.http.schemas import ErrorBody
-from app.http.sweep_schema import SWEEP
-from app.http.sweep_schemas import SweepBody, SweepSummary, sweep_address
+from app.http.sweep_schemas import SWEEP, SweepBody, SweepSummary, sweep_address
 from app.routes.dependencies import AllSweeps, KnownSweep, RoomToFollowSweeps
-from app.routes.scripted_runs import BUSY, REFUSED
+from app.routes.scripted_runs import BUSY, REFUSED, file_response
 
 UNKNOWN: dict[int | str, dict[str, Any]] = {404: {"model": ErrorBody, "description": "There is no such sweep."}}
 MEDIA_TYPES = {
@@ -99,12 +97,4 @@ def file(
     sweeps: AllSweeps,
 ) -> FileResponse:
     """A file of a sweep, as `walk sweep` writes it; `sweep.html` is a page, where a click on a cell tells of it."""
-    stem = re.sub(r"[^\w.-]+", "-", sweep.name)[:60]
-    is_page = name == "sweep.html"
-    return FileResponse(
-        sweeps.file(sweep, name),
-        media_type=MEDIA_TYPES[name],
-        filename=f"{stem}-{sweep.id[:8]}-{name}",
-        content_disposition_type="inline" if is_page else "attachment",
-        headers={"Content-Security-Policy": f"sandbox {ALLOWED}"},
-    )
+    return file_response(sweep, sweeps.file(sweep, name), f"-{name}", MEDIA_TYPES[name], ALLOWED)

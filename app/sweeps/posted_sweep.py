@@ -198,9 +198,12 @@ class PostedSweepStore:
             self._sweeps.pop(sweep_id, None)
 
     def trim(self, nb_kept: int) -> None:
-        """Remove the oldest ended sweeps, beyond so many."""
+        """Remove the oldest ended sweeps, beyond so many; those that the disk does not let go are kept."""
         for sweep in [sweep for sweep in self.list() if sweep.has_ended][nb_kept:]:
-            self.remove(sweep.id)
+            try:
+                self.remove(sweep.id)
+            except RunsUnavailableError as error:
+                logger.warning("an old sweep is kept: %s", error)
 
     def results(self, sweep_id: str) -> Path:
         """Folder of the results of a sweep."""
@@ -224,15 +227,21 @@ class PostedSweepStore:
 
 
 def _read(folder: Path) -> PostedSweep | None:
-    """The sweep of a folder, to be walked on where it was under way; None, and the folder goes, without its state."""
+    """The sweep of a folder, to be walked on where it was under way; None without its state.
+
+    A folder whose state is gone or broken is removed, one that cannot be read is left.
+    """
     try:
         state = read_json(folder / STATE)
         sweep = PostedSweep(folder.name, **{name: state[name] for name in KEPT})
         if not isinstance(sweep.source, dict) or not math.isfinite(sweep.created):
             raise ValueError("its state is none")
-    except (OSError, WalkError, LookupError, TypeError, ValueError) as error:
+    except (FileNotFoundError, NotADirectoryError, WalkError, LookupError, TypeError, ValueError) as error:
         logger.warning("the files in %s are no sweep, and are removed: %s", folder, error)
         shutil.rmtree(folder, ignore_errors=True)
+        return None
+    except OSError as error:  # the next server may be able to
+        logger.warning("the sweep in %s cannot be read, and is left as it is: %s", folder, error)
         return None
     if sweep.status == "running":
         return replace(sweep, status="queued", started=None)

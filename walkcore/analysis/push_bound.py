@@ -256,7 +256,7 @@ def _half_planes(vertices: Matrix) -> _HalfPlanes:
 
 
 def _grounds(snapshot: Snapshot, robot: Robot, double_support: float, steps: StepClass) -> list[_Ground]:
-    """What may be done from each foot that may carry the robot through the step under way."""
+    """The ground of each foot that may carry the robot through the step under way."""
     sides = [snapshot.support.side]
     if snapshot.phase is not Phase.SINGLE_SUPPORT and steps.is_adaptive:
         sides.append(snapshot.support.side.other)

@@ -22,7 +22,8 @@ import math
 import numpy as np
 
 from walkcore.methods.method import Decision
-from walkcore.methods.situation import ROUNDING, Interval, Situation, Trajectory
+from walkcore.methods.situation import ROUNDING, Interval, Situation
+from walkcore.methods.trajectory import Trajectory
 from walkcore.values import Matrix, Vector
 
 TRACKING_GAIN = 4.0

@@ -35,7 +35,8 @@ import math
 import numpy as np
 
 from walkcore.methods.method import Decision
-from walkcore.methods.situation import ROUNDING, Interval, Situation, Trajectory, particular
+from walkcore.methods.situation import ROUNDING, Interval, Situation
+from walkcore.methods.trajectory import Trajectory, particular
 from walkcore.values import Matrix, Vector
 
 RETURN = 0.7

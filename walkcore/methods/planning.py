@@ -18,7 +18,7 @@ from walkcore.mpc.pattern_generator import CAPTURE_TOLERANCE, PatternGenerator, 
 from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
 from walkcore.mpc.regions import inset_vertices
 from walkcore.mpc.stance import convex_hull
-from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem, capture_sets
+from walkcore.mpc.supports import Supports, WalkingProblem, capture_sets
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import Stages, TimeLeft, unlimited
@@ -43,7 +43,6 @@ class MethodPlans:
         self._method, self._robot, self._parameters, self._stages = method, robot, parameters, stages
         self._generator = generator
         self._inner_sole = convex_hull(inset_vertices(robot.sole, parameters.cop_margin))
-        self._geometry = SupportGeometry(robot, parameters, generator.sets.capture)
 
     def plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan:
         """The plan from a CoM state.
@@ -53,8 +52,9 @@ class MethodPlans:
             time_left: is not needed: nothing is solved.
         """
         p, horizon, pendulum = self._parameters, problem.horizon, self._generator.pendulum
-        supports = self._geometry.supports(problem)
-        now = situation(problem, supports, self._geometry, self._robot, p, pendulum, self._inner_sole)
+        geometry = self._generator.geometry
+        supports = geometry.supports(problem)
+        now = situation(problem, supports, geometry, self._robot, p, pendulum, self._inner_sole)
         lipm = tick_preview(p.horizon_samples, p.sampling_period, horizon.ticks_to_sample * p.control_period, pendulum)
         self._stages.lap("assemble")
         decision = self._method.decide(now, p.control_period, lipm.times)

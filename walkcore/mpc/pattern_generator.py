@@ -49,7 +49,8 @@ class PatternGenerator:
         self._robot, self._stages = robot, stages
         self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
         self.sets = balance_sets(robot, p) if sets is None else sets
-        self._geometry = SupportGeometry(robot, p, self.sets.capture)
+        self.geometry = SupportGeometry(robot, p, self.sets.capture)
+        """Polygons of the robot, put where the feet are."""
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver(STALLED_GAP)
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
@@ -132,7 +133,7 @@ class PatternGenerator:
         footholds = last.footholds
         if footholds and footholds[0].side is problem.support.side:  # it has landed since
             footholds = footholds[1:]
-        positions = self._geometry.planned_footholds(problem, supports)
+        positions = self.geometry.planned_footholds(problem, supports)
         for k, foothold in enumerate(footholds[: len(positions)]):
             positions[k] = foothold.position
         nothing_active = np.zeros(len(walking.point_of_row))
@@ -194,7 +195,7 @@ class PatternGenerator:
         """The same QP, in which the rest of a double support does not count as flight (30)."""
         horizon = problem.horizon
         waiting = horizon.time_to_touchdown - horizon.time_in_air
-        return walking.with_less_reach(self._geometry.reach(waiting)) if waiting > 0.0 else walking
+        return walking.with_less_reach(self.geometry.reach(waiting)) if waiting > 0.0 else walking
 
     def _is_viable(self, plan: Plan, supports: Supports, problem: WalkingProblem) -> bool:
         """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
@@ -238,23 +239,23 @@ class PatternGenerator:
         if not horizon.time_in_air < horizon.time_to_touchdown or not plan.footholds:
             return True
         flight = (plan.footholds[0].position - problem.swing.position) @ rotation(problem.support.yaw)
-        return bool(np.all(np.abs(flight) < self._geometry.reach(horizon.time_in_air) + CAPTURE_TOLERANCE))
+        return bool(np.all(np.abs(flight) < self.geometry.reach(horizon.time_in_air) + CAPTURE_TOLERANCE))
 
     def next_yaw(self, problem: WalkingProblem) -> float:
         """Yaw of the next foothold [rad]."""
-        return self._geometry.next_yaw(problem)
+        return self.geometry.next_yaw(problem)
 
     def qp(self, problem: WalkingProblem) -> QP:
         """The paper's QP that `plan` solves first."""
         return self._build(problem).qp
 
     def _build(self, problem: WalkingProblem) -> WalkingQP:
-        supports, horizon = self._geometry.supports(problem), problem.horizon
+        supports, horizon = self.geometry.supports(problem), problem.horizon
         phase = self._phase(horizon.ticks_to_sample, horizon.stances, supports.nb_edges)
         if self._are_footholds_free:
             planned = np.zeros((horizon.stances.nb_footholds, 2))
         else:
-            planned = self._geometry.planned_footholds(problem, supports)
+            planned = self.geometry.planned_footholds(problem, supports)
         inputs = QPInputs(
             problem.com,
             problem.support.position,
@@ -263,7 +264,7 @@ class PatternGenerator:
             planned,
             _velocities(problem.reference, problem.heading, phase.preview.lipm),
         )
-        return walking_qp(phase, supports, self._geometry.reach(horizon.time_to_touchdown), inputs)
+        return walking_qp(phase, supports, self.geometry.reach(horizon.time_to_touchdown), inputs)
 
     def _read(
         self,

@@ -64,7 +64,7 @@ class NeededStep:
     support: Footstep
     """The foot that carried the robot."""
     place: Vector
-    """Of the step, in the frame of the support foot [m], shape (2,)."""
+    """Place of the step, in the frame of the support foot [m], shape (2,)."""
     region: Matrix
     """Where the foot could land, in the same frame [m], shape (V, 2)."""
     limit: float
