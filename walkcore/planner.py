@@ -5,6 +5,7 @@ foot down sooner. A robot for which no plan is left falls.
 """
 
 import math
+from functools import cache
 
 from walkcore.command import Reference
 from walkcore.errors import FallError, NoSolutionFoundError, OutOfTimeError
@@ -76,11 +77,16 @@ class Planner:
         try:
             if self._step_timing is None:
                 return self._first_that_works(candidates, model, reference, time_left)
+
+            @cache
+            def problem_of(gait: Gait) -> WalkingProblem:
+                return self._problem(model, gait, reference)
+
             return self._step_timing.decide(
                 candidates,
                 model.tick,
                 model.swing_foot.height,
-                lambda gait: self._problem(model, gait, reference),
+                problem_of,
                 is_disturbed=is_pushed or (last is not None and last.status is Status.RELAXED),
                 time_left=time_left,
             )

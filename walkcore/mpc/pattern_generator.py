@@ -25,6 +25,7 @@ from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.values import Matrix, Vector, freeze, rotation
 
 CAPTURE_TOLERANCE = 1e-6  # [m]
+MAX_PROBLEMS = 2  # of one tick, whose QPs are kept: the gait on schedule may be tried again with margins given up
 MAX_PHASES = 1024  # a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
 
 
@@ -52,6 +53,7 @@ class PatternGenerator:
         self.geometry = SupportGeometry(robot, p, self.sets.capture)
         """Polygons of the robot, put where the feet are."""
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
+        self._build = instance_cache(self._compute_walking_qp, MAX_PROBLEMS)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver(STALLED_GAP)
         self._are_footholds_free = p.formulation.footholds is Footholds.FREE
 
@@ -249,7 +251,7 @@ class PatternGenerator:
         """The paper's QP that `plan` solves first."""
         return self._build(problem).qp
 
-    def _build(self, problem: WalkingProblem) -> WalkingQP:
+    def _compute_walking_qp(self, problem: WalkingProblem) -> WalkingQP:
         supports, horizon = self.geometry.supports(problem), problem.horizon
         phase = self._phase(horizon.ticks_to_sample, horizon.stances, supports.nb_edges)
         if self._are_footholds_free:

@@ -19,6 +19,7 @@ from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.gait import Gait
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan
+from walkcore.mpc.supports import WalkingProblem
 from walkcore.mpc.touchdowns import CAREFUL, USUAL, UTMOST, ProblemOf, TouchdownComparison, Touchdowns
 from walkcore.mpc.viability import ViableSets
 from walkcore.parameters import Parameters
@@ -28,7 +29,8 @@ from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 ENOUGH = 0.02  # [m] inside a viable set, from which on a later touchdown is better than a deeper one
 HYSTERESIS = 0.005  # [m] by which the DCM has to lie deeper inside a viable set for a change of the touchdown
 SAFE = 0.010  # [m] inside the viable set of the usual step, to return to it
-LOST = 0.005  # [m] outside of what the QP may use, from where on no plan of it is viable: the CoP bulges by less
+LOST = 0.003  # [m] outside of a viable set, from where on no plan leads into it. Between samples the CoP leaves its
+# polygon by up to T^2/8 ddc, 4.6 mm where it is 0.3 m from the CoM, and by two thirds of that over the whole time
 
 
 class AdaptiveTiming:
@@ -81,7 +83,7 @@ class AdaptiveTiming:
         """
         generator, on_schedule = self._generator, gaits[-1]
         touchdowns = Touchdowns(self._comparison, on_schedule, tick, height, problem_of)
-        if not (is_disturbed and self._is_lost(touchdowns, on_schedule, tick)):
+        if not (is_disturbed and self._is_lost(touchdowns, problem_of(on_schedule), on_schedule, tick)):
             for gait in (*self._restored(touchdowns, on_schedule), *gaits):
                 make = generator.viable_plan if gait.samples_per_step >= self._usual else generator.recovering_plan
                 plan = make(problem_of(gait), time_left)
@@ -108,15 +110,16 @@ class AdaptiveTiming:
         assert failure is not None
         raise failure
 
-    def _is_lost(self, touchdowns: Touchdowns, on_schedule: Gait, tick: int) -> bool:
-        """Whether no plan of the QP on schedule, or with the usual steps again, can be viable."""
+    def _is_lost(self, touchdowns: Touchdowns, problem: WalkingProblem, on_schedule: Gait, tick: int) -> bool:
+        """Whether no plan of the QP on schedule, or with the usual steps again, can do."""
         if on_schedule.step(tick) < 0:
             return False
-        margin = touchdowns.on_schedule(USUAL)
-        if on_schedule.samples_per_step != self._usual:
-            margin = max(margin, touchdowns.as_usual(USUAL).margin)
+        is_short = on_schedule.samples_per_step != self._usual
+        needs_part = is_short and problem.horizon.stances.sample_on_foothold is not None  # see `recovering_plan`
+        margin = touchdowns.on_schedule(CAREFUL if needs_part else USUAL)
+        is_lost = -float("inf") < margin < -LOST and not (is_short and touchdowns.as_usual(CAREFUL).margin > SAFE)
         self._stages.lap("timing")
-        return -float("inf") < margin < -LOST
+        return is_lost
 
     def _restored(self, touchdowns: Touchdowns, gait: Gait) -> Iterator[Gait]:
         """The gait with steps of the usual duration again, if that is safe."""
