@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 from app.figures import make, measures, walks
+from app.figures.methods import methods_sweep
+from app.sweeps.cells import read_cells
+from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.mpc.regions import polygon
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 
 PERIOD = 0.1  # [s]
+METHODS = ("full", "adapted_steps", "fixed_steps", "preview_control", "morisawa", "sugihara", "dcm_tracker")
 FIGURES = [*(f"fig{n}" for n in range(1, 10)), "hard-push"]
+PUSHES = {"directions": 2, "phases": 1, "duration": 0.0, "max_impulse": 40.0, "coarse": 20.0, "tolerance": 20.0}
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +30,16 @@ def folder(walked, tmp_path_factory):
     out = tmp_path_factory.mktemp("figures")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(make, "simulate", lambda robot, control_period: walked)
+        patch.setattr(make, "methods_sweep", few_pushes)
         make.make_figures(out, ("hrp2",), ("svg",), PERIOD)
     return out
+
+
+def few_pushes(robot):
+    sweep = methods_sweep(robot)
+    assert [walk.parameters.scheme for walk in sweep.walks] == list(METHODS)
+    parameters = [{**dict(p), "control_period": 0.1} for p in sweep.source["parameters"]]
+    return sweep_from_mapping({**sweep.source, "parameters": parameters, "pushes": PUSHES})
 
 
 def rows(folder):
@@ -41,7 +54,7 @@ def numbers(cell):
 
 
 def test_every_figure_is_a_small_picture_that_parses(folder):
-    assert sorted(path.stem for path in (folder / "hrp2").iterdir()) == sorted(FIGURES)
+    assert sorted(path.stem for path in (folder / "hrp2").iterdir()) == sorted([*FIGURES, "methods"])
     for path in (folder / "hrp2").iterdir():
         assert ElementTree.parse(path).getroot().tag == "{http://www.w3.org/2000/svg}svg"
         assert path.stat().st_size < 150_000
@@ -51,6 +64,20 @@ def test_the_same_walks_give_the_same_bytes(folder, walked, tmp_path):
     make.draw_figures(tmp_path, walked, ("svg",))
     for name in FIGURES:
         assert (tmp_path / f"{name}.svg").read_bytes() == (folder / "hrp2" / f"{name}.svg").read_bytes()
+
+
+def test_the_report_tells_what_each_method_survives(folder):
+    sweep, outcomes, _ = read_cells(folder / "hrp2-methods")
+    lines = (folder / "report.md").read_text(encoding="utf-8").splitlines()
+    impulses = [outcome.largest_impulse or 0.0 for outcome in outcomes]
+    assert len(set(impulses)) > 1
+    for k, walk in enumerate(sweep.walks):
+        (line,) = (line for line in lines if line.startswith(f"| {walk.parameters.formulation.label} |"))
+        of_walk = impulses[2 * k : 2 * k + 2]
+        assert numbers(line.removeprefix(f"| {walk.parameters.formulation.label}"))[:2] == [
+            min(of_walk),
+            sum(of_walk) / 2,
+        ]
 
 
 def test_a_speed_over_time_is_red_and_its_reference_blue(folder):

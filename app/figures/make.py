@@ -1,4 +1,7 @@
-"""Figures 1 to 9 of the paper for each robot, and report.md beside them: claims, and what decides the lateral speed."""
+"""Figures 1 to 9 of the paper for each robot, pushes on all methods, and report.md beside them.
+
+The report has the claims, what decides the lateral speed, and what each method survives.
+"""
 
 import platform
 from collections.abc import Callable, Sequence
@@ -9,7 +12,8 @@ import numpy as np
 
 from app.figures import drawing, measures
 from app.figures.claims import Claim, claims
-from app.figures.walks import SolveTimes, Walks, simulate, solve_times
+from app.figures.methods import draw_methods, methods_sweep, table_of_methods, walk_methods
+from app.figures.walks import Walks, simulate, solve_times
 
 TITLES = {
     "speed_only": "QP (17): speed only",
@@ -47,16 +51,22 @@ def make_figures(
         OSError: if the folder cannot be written to.
     """
     out.mkdir(parents=True, exist_ok=True)
-    walked: list[tuple[Walks, SolveTimes]] = []
+    parts: list[str] = []
     for robot in robots:
         walks = simulate(robot, control_period)
         report(f"{robot}: walked {len(walks.by_scheme)} sample motions and {2 * len(walks.variations)} variations")
-        walked.append((walks, solve_times(robot)))
+        found = claims(walks, solve_times(robot))
         folder = out / robot
         folder.mkdir(exist_ok=True)
         draw_figures(folder, walks, formats)
+        methods = walk_methods(out / f"{robot}-methods", methods_sweep(robot))
+        title = f"All methods on the same pushes · {walks.robot.title}, in place"
+        draw_methods(folder / "methods", formats, title, methods)
         report(f"{robot}: drawn into {folder}")
-    _write_report(out / "report.md", [(w.robot.title, w, claims(w, times)) for w, times in walked])
+        parts += [] if parts else [INTRODUCTION, _circumstances(walks)]
+        parts += [f"## {walks.robot.title}\n", _table_of_claims(found), _reasons(found)]
+        parts += [_table_of_variations(walks), table_of_methods(methods)]
+    (out / "report.md").write_text("\n".join(parts), encoding="utf-8")
     report(f"claims and measurements written to {out / 'report.md'}")
 
 
@@ -82,19 +92,6 @@ def draw_figures(folder: Path, walks: Walks, formats: tuple[str, ...]) -> None:
     if walks.filtered is not None:
         title = f"{name} · from the model's CoP to the true one"
         drawing.draw_true_cop(folder / "true-cop", formats, title, by_scheme["full"], walks.filtered)
-
-
-def _write_report(path: Path, robots: Sequence[tuple[str, Walks, Sequence[Claim]]]) -> None:
-    """Write the report.
-
-    Args:
-        path: of the file.
-        robots: the name, the walks and the claims of each.
-    """
-    parts = [INTRODUCTION, _circumstances(robots[0][1])]
-    for name, walks, found in robots:
-        parts += [f"## {name}\n", _table_of_claims(found), _reasons(found), _table_of_variations(walks)]
-    path.write_text("\n".join(parts), encoding="utf-8")
 
 
 def _circumstances(walks: Walks) -> str:
