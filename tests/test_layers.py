@@ -36,7 +36,7 @@ CORE = """
 """.split()
 SERVER = """
     settings descriptions jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats runs
-    http bench sweeps figures report footholds routes main commands
+    http bench report footholds sweeps figures routes main commands
 """.split()
 
 
