@@ -8,6 +8,7 @@ from walkcore.errors import EmptyRegionError
 from walkcore.mpc.regions import box, foothold_vertices, polygon
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 from walkcore.robot_file import load_robot
+from walkcore.values import rotation
 
 coordinates = st.integers(-1000, 1000).map(lambda millimetres: millimetres / 1000.0)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8)
@@ -46,6 +47,12 @@ def test_turning_a_polygon_turns_its_points(yaw, x, y):
     c, s = np.cos(yaw), np.sin(yaw)
     turned = np.array([[c, -s], [s, c]]) @ [x, y]
     assert sole.rotated(yaw).excess(turned) == pytest.approx(sole.excess([x, y]), abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [1e-4, 5e-6, 1e-7])
+def test_edges_that_are_almost_parallel_keep_their_own_normals(turn):
+    vertices = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0 + turn)]) @ rotation(0.7)
+    assert max(polygon(vertices).excess(vertex) for vertex in vertices) < 1e-9
 
 
 def test_opposite_edges_share_a_row():

@@ -17,6 +17,8 @@ from walkcore.errors import EmptyRegionError
 from walkcore.mpc.stance import Side, mirrored
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
+PARALLEL = 1e-10  # between unit normals, up to which edges share a row; the one that gives its own up moves by no more
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfPlanes:
@@ -94,7 +96,7 @@ def polygon(vertices: ArrayLike) -> HalfPlanes:
     except (QhullError, ValueError) as error:
         raise EmptyRegionError(f"the points enclose no area: {vertices}") from error
     normals, bounds = facets[:, :2], -facets[:, 2]
-    are_opposite = np.all(np.abs(normals[:, None] + normals) <= 1e-9 + 1e-5 * np.abs(normals), axis=2).tolist()
+    are_opposite = np.all(np.abs(normals[:, None] + normals) <= PARALLEL, axis=2).tolist()
     rows: list[int] = []
     lower: list[float] = []
     for facet, bound in enumerate(bounds):
