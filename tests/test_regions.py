@@ -51,7 +51,7 @@ def test_turning_a_polygon_turns_its_points(yaw, x, y):
 
 @pytest.mark.parametrize("turn", [1e-4, 5e-6, 1e-7])
 def test_edges_that_are_almost_parallel_keep_their_own_normals(turn):
-    vertices = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0 + turn)]) @ rotation(0.7)
+    vertices = (np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0 + turn)]) - 2.0) @ rotation(0.7)
     assert max(polygon(vertices).excess(vertex) for vertex in vertices) < 1e-9
 
 
