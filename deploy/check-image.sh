@@ -12,6 +12,7 @@ IMAGE=localhost/walk:check
 PORT=${PORT:-8499}
 MIRROR=${MIRROR:-http://deb.debian.org/debian}
 WORK=${WORK:-$(mktemp -d /tmp/walk-image.XXXXXX)}
+mkdir -p "$WORK"
 export BUILDAH_ISOLATION=chroot
 # Where overlay cannot be mounted: STORAGE_DRIVER=vfs, which takes some 15 GB.
 STORE="--root $WORK/storage --runroot $WORK/run --storage-driver ${STORAGE_DRIVER:-overlay}"
