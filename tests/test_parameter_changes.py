@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from app.live.control import Control
 from app.live.parameter_changes import MAX_WAITING, sets_in_parts
 from app.live.runner import NoResponseError, Runner
-from walkcore import Parameters, WalkError, load_robot
+from walkcore import Command, Parameters, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
 from walkcore.mpc import pattern_generator, supports
+from walkcore.mpc.plan import Status
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.parameters import LIMITS
 
@@ -160,3 +161,17 @@ def test_a_prepared_change_walks_as_one_that_was_not():
         control.pause()
         walks.append(control.step(50).snapshot.com.matrix.tobytes())
     assert walks[0] == walks[1]
+
+
+@pytest.mark.parametrize("scheme", ["full", "dcm_tracker"])
+@pytest.mark.parametrize("ticks", range(0, 40, 5))
+def test_the_step_under_way_is_seen_to_its_end_though_the_horizon_gets_shorter(scheme, ticks):
+    simulation = Simulation(HRP2, Parameters(scheme=scheme, control_period=0.02, initial_double_support_duration=0.1))
+    for _ in range(60 + ticks):
+        simulation.step(Command(Reference(vx=0.1)))
+    touchdown = simulation.step(Command(Reference(vx=0.1))).time_to_touchdown
+    simulation.change(simulation.parameters.changed({"step_duration": 0.4, "horizon_samples": 5}))
+    snapshots = [simulation.step(Command(Reference(vx=0.1))) for _ in range(100)]
+    assert snapshots[0].time_to_touchdown == pytest.approx(touchdown - 0.02 or 0.4)
+    assert all(s.status is not Status.FALLEN and s.plan.footholds for s in snapshots)
+    assert len(snapshots[-1].plan.times) == 5

@@ -55,7 +55,8 @@ class MethodPlans:
         geometry = self._generator.geometry
         supports = geometry.supports(problem)
         now = situation(problem, supports, geometry, self._robot, p, pendulum, self._inner_sole)
-        lipm = tick_preview(p.horizon_samples, p.sampling_period, horizon.ticks_to_sample * p.control_period, pendulum)
+        nb_samples, time_to_sample = horizon.stances.nb_samples, horizon.ticks_to_sample * p.control_period
+        lipm = tick_preview(nb_samples, p.sampling_period, time_to_sample, pendulum)
         self._stages.lap("assemble")
         decision = self._method.decide(now, p.control_period, lipm.times)
         self._stages.lap("solve")

@@ -197,9 +197,15 @@ class Gait:
         )
 
     def with_timing(self, timing: Timing, tick: int) -> "Gait":
-        """The same gait with another timing; the step under way at a tick keeps its duration."""
+        """The same gait with another timing; a step under way keeps its duration, and the horizon sees its end.
+
+        Args:
+            timing: for the steps to come.
+            tick: now.
+        """
         if self.step(tick) >= 0:
-            timing = replace(timing, step_duration=self.timing.step_duration)
+            nb_samples = max(timing.nb_samples, self.timing.samples_per_step + 1)
+            timing = replace(timing, step_duration=self.timing.step_duration, nb_samples=nb_samples)
         return replace(self, timing=timing)
 
     def at_next_step(self, timing: Timing, tick: int) -> "Gait":

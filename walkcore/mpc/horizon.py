@@ -62,6 +62,11 @@ class StanceSequence:
         return 1 + self.nb_footholds + self.has_double_support
 
     @cached_property
+    def nb_samples(self) -> int:
+        """N: that of the parameters, or as many as the step under way needs after a change of both."""
+        return len(self.foot_of_sample)
+
+    @cached_property
     def samples_on_support(self) -> int:
         """Samples that the present support foot carries alone."""
         return int(np.count_nonzero((self.foot_of_sample == 0) & ~self.is_double_support))

@@ -60,7 +60,7 @@ class PatternGenerator:
     def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:
         p = self._parameters
         are_free = p.formulation.footholds is not Footholds.PLANNED
-        lipm = tick_preview(p.horizon_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
+        lipm = tick_preview(stances.nb_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
         preview = Preview(stances, lipm, p.timing.samples_per_step, are_free)
         return phase_matrices(preview, p, nb_edges)
 
