@@ -25,7 +25,15 @@ from app.commands.cli import main
 WALK = Path(sys.executable).parent / "walk"
 START = 180.0  # [s] a slow or busy machine may take
 PATIENCE = 120.0  # [s] on a busy machine, after which something hangs
+EXHAUSTIVE = 7200.0  # [s] for a case that takes minutes where nothing else runs
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give exhaustive cases time."""
+    for item in items:
+        if item.get_closest_marker("exhaustive") is not None:
+            item.add_marker(pytest.mark.timeout(EXHAUSTIVE))
 
 
 @dataclass

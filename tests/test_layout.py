@@ -175,7 +175,6 @@ def test_a_lesson_fits_and_all_of_it_can_be_reached(page, api):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.timeout(1800)
 def test_a_lesson_fits_every_window(page, api):
     bring_about("walking", page, api)
     assert lesson_trouble(page, [(width, height) for height in HEIGHTS for width in WIDTHS], FONTS[1:]) == []

@@ -25,9 +25,7 @@ def server() -> Iterator[Server]:
         yield server
 
 
-@pytest.mark.parametrize(
-    "nb_examples", [4, pytest.param(100, marks=[pytest.mark.exhaustive, pytest.mark.timeout(3600)])]
-)
+@pytest.mark.parametrize("nb_examples", [4, pytest.param(100, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
 def test_every_response_is_as_documented(server, mode, nb_examples):
     document = schemathesis.openapi.from_url(f"{server.url}openapi.json")

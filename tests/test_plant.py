@@ -197,7 +197,6 @@ def test_without_the_package_physics_is_refused_in_words(monkeypatch):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.timeout(3000)
 def test_nothing_blows_up_at_any_push_that_is_allowed():
     rng = np.random.default_rng(0)
     simulation = Simulation(TALOS, PHYSICS)
@@ -210,7 +209,6 @@ def test_nothing_blows_up_at_any_push_that_is_allowed():
 
 
 @pytest.mark.exhaustive
-@pytest.mark.timeout(3000)
 def test_all_that_a_joystick_can_ask_for_is_walked_as_fast_as_by_the_model():
     recording = record(load_scenario("turns-and-stops").on_plant("mujoco", twin=True))
     metrics = recording.metrics()

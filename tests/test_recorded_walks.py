@@ -27,7 +27,7 @@ def test_every_tick_is_solved_and_finite(run):
     assert all(np.all(np.isfinite(v)) for name, v in run.c.items() if not name.startswith(may_be_nan))
 
 
-@pytest.mark.parametrize("every", [8, pytest.param(1, marks=[pytest.mark.exhaustive, pytest.mark.timeout(1800)])])
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.exhaustive)])
 def test_footholds_are_the_exact_optimum(run, every):
     worst = 0.0
     for k in range(0, len(run["tick"]), every):

@@ -26,7 +26,6 @@ def test_a_shipped_scenario_keeps_its_expectations_as_a_point_mass(name):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", scenario_names())
 def test_a_shipped_scenario_keeps_its_expectations(name):
     scenario = load_scenario(name)

@@ -277,7 +277,6 @@ TRIAL = {  # worst, median and mean [N s]
 
 
 @pytest.mark.exhaustive
-@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("name", TRIAL)
 def test_pushes_are_survived_as_in_the_trial_and_to_85_percent_of_the_bound(name, monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "benchmarks"))
