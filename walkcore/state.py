@@ -13,9 +13,8 @@ from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import Flight, FootState
 from walkcore.mpc.gait import Gait, Retiming, Timing
 from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.stance import Side
 from walkcore.parameters import LIMITS, Parameters
-from walkcore.plant.driver_state import DriverState, driver_state_from_mapping
+from walkcore.plant.driver_state import DriverState, driver_state_from_mapping, side_from_name
 from walkcore.pushes import PushUnderWay, pushes_from_list
 from walkcore.robot import Robot
 from walkcore.values import (
@@ -146,10 +145,8 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     where = "initial_state.gait"
     timing = {"step_duration": parameters.step_duration, "retiming": None}
     values = check_complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
-    sides = {side.name.lower(): side for side in Side}
     side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
-    if side not in ("left", "right"):
-        raise InvalidValueError(f"{where}.first_support", side, "must be 'left' or 'right'")
+    first_support = side_from_name(f"{where}.first_support", side)
     if start is not None:
         check_whole(f"{where}.start", start, 0, MAX_TICK)
     if nb_steps is not None:
@@ -157,7 +154,7 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
     retiming = _retiming(values["retiming"], start, parameters)
-    gait = Gait(_timing(parameters, values["step_duration"]), sides[side], start, nb_steps, retiming)
+    gait = Gait(_timing(parameters, values["step_duration"]), first_support, start, nb_steps, retiming)
     if tick is not None and gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait

@@ -24,7 +24,16 @@ from walkcore.plain_yaml import load_yaml
 from walkcore.plant.world import MAX_SEED
 from walkcore.robot_file import DEFAULT_ROBOT
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
-from walkcore.values import Vector, check_keys, check_list, check_mapping, check_range, check_text, check_whole
+from walkcore.values import (
+    Vector,
+    check_flag,
+    check_keys,
+    check_list,
+    check_mapping,
+    check_range,
+    check_text,
+    check_whole,
+)
 
 SWEEPS = files("walkcore") / "sweeps"
 KEYS = ("name", "description", "robots", "parameters", "references", "pushes", "seeds", "world", "body")
@@ -156,9 +165,6 @@ def sweep_from_mapping(data: Any) -> Sweep:
     check_keys("sweep", values, set(KEYS))
     for key in ("name", "description"):
         check_text(key, values.get(key, ""))
-    has_body = values.get("body", False)
-    if not isinstance(has_body, bool):
-        raise InvalidValueError("body", has_body, "must be true or false")
     pushes = _pushes(values.get("pushes"))
     walks = _walks(values, pushes)
     nb_cells = len(walks) * pushes.directions * pushes.phases
@@ -170,7 +176,7 @@ def sweep_from_mapping(data: Any) -> Sweep:
         walks=walks,
         pushes=pushes,
         seeds=_seeds(values.get("seeds", 1), walks),
-        has_body=has_body,
+        has_body=check_flag("body", values.get("body", False)),
         source=values,
     )
 

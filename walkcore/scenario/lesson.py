@@ -16,7 +16,7 @@ from walkcore.errors import InvalidValueError, UnknownNameError, WalkError
 from walkcore.plain_yaml import parse_yaml
 from walkcore.scenario.expectations import METRICS, Expectation, Verdict, expectations_from_mapping
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
-from walkcore.values import check_keys, check_mapping, check_text
+from walkcore.values import check_choice, check_keys, check_mapping, check_text
 
 LESSONS = files("walkcore") / "lessons"
 MAX_BYTES = 50_000  # of a file
@@ -135,8 +135,6 @@ def _lesson(name: str, data: Any, before: str, after: str) -> Lesson:
     check_keys("lesson", data, KEYS)
     walks = {walk: _walk(walk, of) for walk, of in _some("walks", data, 1, MAX_WALKS).items()}
     choices = {key: _choice(key, of, set(walks)) for key, of in _some("choices", data, 2, MAX_CHOICES).items()}
-    if data.get("answer") not in tuple(choices):
-        raise InvalidValueError("answer", data.get("answer"), f"must be one of {', '.join(choices)}")
     return Lesson(
         name=name,
         title=_text("title", data.get("title")),
@@ -145,7 +143,7 @@ def _lesson(name: str, data: Any, before: str, after: str) -> Lesson:
         after=after,
         walks=walks,
         choices=choices,
-        answer=data["answer"],
+        answer=check_choice("answer", data.get("answer"), choices),
         show=_metrics(data.get("show") or []),
     )
 
