@@ -133,7 +133,7 @@ async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:
 
 async def _refuse_for_a_while(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RunsUnavailableError)
-    return _response(503, str(error), headers={"Retry-After": str(error.retry_after)})
+    return _response(503, str(error), headers={"Retry-After": str(error.RETRY_AFTER)})
 
 
 async def _refuse_now(_: Request, error: Exception) -> JSONResponse:
