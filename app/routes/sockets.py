@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
+from websockets.frames import CloseCode
 
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ReferenceBody, TeleopMessage, live_json
@@ -24,7 +25,6 @@ from walkcore.values import check_range
 MAX_MESSAGE = 4096  # characters
 MAX_RATE, BURST = 400.0, 100  # messages that are read a second and at once; a program may send one for each tick
 MAX_STREAMS = 250  # open at once
-TRY_AGAIN_LATER = 1013
 EARLY = 1e-3  # of a period: an event loop may wake so much before a time, and would send twice
 Encoding = Literal["json", "msgpack"]
 
@@ -74,7 +74,7 @@ async def stream(
     """
     streams: SnapshotStreams = socket.app.state.streams
     if streams.nb_clients >= MAX_STREAMS:
-        await socket.close(TRY_AGAIN_LATER)
+        await socket.close(CloseCode.TRY_AGAIN_LATER)
         return
     await socket.accept()
     send = socket.send_text if format == "json" else socket.send_bytes

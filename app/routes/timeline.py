@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
+from websockets.frames import CloseCode
 
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody, live_json, past_json
@@ -23,7 +24,6 @@ from walkcore.values import MAX_TICK
 
 MAX_MESSAGE = 200  # characters
 MAX_RATE, BURST = 60.0, 20  # messages that are read a second, and at once
-TRY_AGAIN_LATER = 1013
 REST = 0.25  # [s] without another tick, after which footsteps and plots are drawn anew
 PLOTTED, NB_POINTS = 8.0, 100  # [s] before a tick that are drawn, and by how many snapshots
 
@@ -94,7 +94,7 @@ async def look(
                 if remembering is not None:
                     remembering.cancel()
     except TooManyLooksError as refusal:
-        await socket.close(TRY_AGAIN_LATER, str(refusal))
+        await socket.close(CloseCode.TRY_AGAIN_LATER, str(refusal))
     except WebSocketDisconnect:
         return
 
