@@ -9,8 +9,9 @@ from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 from websockets.frames import CloseCode
 
+from app.http.live_json import live_json, past_json
 from app.http.refusals import field_errors, summary
-from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody, live_json, past_json
+from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody
 from app.http.turns import ReadBudget
 from app.live.past import PastTicks
 from app.live.runner import NoResponseError
