@@ -13,11 +13,13 @@ from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 from websockets.frames import CloseCode
 
+from app.http.live_json import live_json
 from app.http.refusals import field_errors, summary
-from app.http.schemas import ReferenceBody, TeleopMessage, live_json
+from app.http.schemas import ReferenceBody, TeleopMessage
 from app.http.turns import ReadBudget
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError, TeleopClient
+from app.live.runner import LiveState, NoResponseError
+from app.live.teleop_client import TeleopClient
 from app.routes.dependencies import Lease, LiveSwitch
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
