@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 
 # From the ground up: a module of the core, and a folder of the server, may import those before it.
 CORE = """
-    errors values plain_yaml stages cache
+    errors values plain_yaml named_files stages cache
     command
     mpc.lipm mpc.stance mpc.horizon mpc.gait mpc.orientation mpc.regions mpc.capture
     mpc.preview mpc.objective mpc.schemes mpc.qp
