@@ -21,6 +21,9 @@ import viser
 from playwright.sync_api import Browser, sync_playwright
 
 from app.commands.cli import main
+from walkcore import Push
+from walkcore.analysis.survival import NominalWalk
+from walkcore.mpc.plan import Status
 
 WALK = Path(sys.executable).parent / "walk"
 START = 180.0  # [s] a slow or busy machine may take
@@ -175,3 +178,13 @@ def browser() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=arguments)
         yield browser
         browser.close()
+
+
+def survives_to_the_end(walk: NominalWalk, phase: float, push: Push) -> bool:
+    """What `walk.survives` decides early, after all of the time for which the robot has to stay on its feet."""
+    has_survived = False
+    for now, monitor in walk.after(phase, push):
+        if now.status is Status.FALLEN:
+            return False
+        has_survived = monitor.last is not None and monitor.last.survived is True
+    return has_survived

@@ -30,7 +30,7 @@ CORE = """
     scenario.expectations scenario.events scenario.scenario scenario.lesson
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound analysis.survival analysis.push_rose
-    analysis.sweep
+    analysis.sweep analysis.cell_outcome
     robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
     scenario.recording scenario.session scenario.replay
 """.split()

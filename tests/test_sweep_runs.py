@@ -19,7 +19,8 @@ from app.sweeps import engine
 from app.sweeps.cells import MAX_PARTS, CellStore, cells_table, read_cells, write_table
 from app.sweeps.engine import run_sweep, sweep_versions, walk_cells
 from walkcore import WalkError
-from walkcore.analysis.sweep import CellOutcome, Sweep, outcome, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome, outcome
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 
 SOURCE = {
     "name": "small",

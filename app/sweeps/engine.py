@@ -21,7 +21,8 @@ import numpy as np
 
 from app.settings import usable_cores
 from app.sweeps.cells import CellStore
-from walkcore.analysis.sweep import CellOutcome, Sweep, cell_bound, nominal_walk, outcome, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome, cell_bound, nominal_walk, outcome
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 from walkcore.command import Push
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import package_versions
