@@ -11,7 +11,8 @@ import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, NoResponseError, Runner
-from app.viewer.panel.method_tab import NOTICE, MethodTab
+from app.viewer.panel.changes import NOTICE
+from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab
 from app.viewer.panel.plots_tab import PlotsTab
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
