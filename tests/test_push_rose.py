@@ -1,6 +1,7 @@
 """The rose of pushes: what the controller says of each push, and the bound around it."""
 
 import math
+import multiprocessing
 from dataclasses import replace
 
 import numpy as np
@@ -117,7 +118,8 @@ def test_roses_come_while_they_are_asked_for_of_the_latest_state_and_after_the_d
     first = walking.latest.next_state.model.tick
     wait_for(lambda: roses.latest is not None)
     assert roses.latest.tick == first
-    roses._process.kill()
+    for process in multiprocessing.active_children():
+        process.kill()
     walking.step()
     wait_for(lambda: roses.latest is not None and roses.latest.tick == first + 1)
     monkeypatch.setattr(push_roses, "KEPT_FOR", 0.0)

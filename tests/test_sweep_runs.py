@@ -164,10 +164,10 @@ def test_dask_gives_the_same_bytes_and_a_killed_worker_loses_nothing(tmp_path, e
     assert killed and store.write_table().read_bytes() == expected
 
 
-def test_a_scheduler_that_is_not_there_is_told():
+def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "CONNECTION_TIMEOUT", 0.2)
     with pytest.raises(WalkError, match=r"scheduler = 'tcp://127.0.0.1:9': no Dask scheduler"):
-        with engine._workers(None, "tcp://127.0.0.1:9", timeout=0.2):
-            pass
+        run_sweep(SWEEP, opened(tmp_path), None, "tcp://127.0.0.1:9")
 
 
 @pytest.mark.parametrize(

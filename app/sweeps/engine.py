@@ -142,7 +142,7 @@ def _run_length(missing: list[int], at: int, most: int) -> int:
 
 
 @contextmanager
-def _workers(nb_workers: int | None, scheduler: str | None, timeout: float = CONNECTION_TIMEOUT) -> Iterator[int]:
+def _workers(nb_workers: int | None, scheduler: str | None) -> Iterator[int]:
     """The workers that joblib takes inside of this context, and their number."""
     if scheduler is None:
         nb = nb_workers or usable_cores()
@@ -154,7 +154,7 @@ def _workers(nb_workers: int | None, scheduler: str | None, timeout: float = CON
     except ImportError as error:
         raise InvalidValueError("scheduler", scheduler, "needs Dask: pip install 'walk[cluster]'") from error
     try:
-        client = Client(scheduler, timeout=timeout)
+        client = Client(scheduler, timeout=CONNECTION_TIMEOUT)
     except (OSError, ValueError) as error:
         raise InvalidValueError("scheduler", scheduler, f"no Dask scheduler answers there: {error}") from error
     with client:
