@@ -111,7 +111,7 @@ class Simulation:
         self._twin = twin
 
     def change(self, parameters: Parameters, sets: BalanceSets | None = None) -> None:
-        """Walk on with other parameters; a step under way keeps its duration.
+        """Walk on with these parameters; a step under way keeps its duration.
 
         Args:
             parameters: all of them.
@@ -121,6 +121,8 @@ class Simulation:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
+        if parameters == self.parameters:
+            return
         self._use(self.parameters.check_change(parameters), sets)
         self._model = self._model.with_timing(parameters.timing)
         self._switch_twin(sets)

@@ -72,12 +72,10 @@ class SimulationState:
         }
 
 
-# The vectors of each part: how many numbers, and how large they may be.
+# The vectors of each part, by how many numbers and how large they may be, and the numbers of a flight.
 COM = {"position": (2, FARTHEST), "velocity": (2, 1e3), "acceleration": (2, 1e4)}
 FOOT = {"pose": (3, FARTHEST), "velocity": (3, 1e3), "acceleration": (3, 1e5)}
 OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}  # the older name of its DCM, which saved sessions have
-
-
 FLIGHT = {"height": (0.0, HIGHEST), "velocity": (-1e2, 1e2), "acceleration": (-1e4, 1e4), "bump": (0.0, HIGHEST)}
 
 

@@ -16,7 +16,7 @@ from app.live.command_source import CommandSource
 from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
-from app.live.plant_choice import PlantChoice, suitable_plant
+from app.live.plant_choice import AS_CHOSEN, PlantChoice, suitable_plant
 from app.live.session_log import SessionLog
 from app.live.tick_scheduler import TickScheduler
 from app.live.timeline import Marks, Timeline
@@ -275,7 +275,7 @@ class Control:
             changed = PERFECT
         why = self.latest.plant_reason
         if parameters.plant != self.parameters.plant:
-            why = "the ideal model, as chosen" if parameters.plant == "ideal" else "contact physics, as chosen"
+            why = AS_CHOSEN[parameters.plant]
         return self._begin_with(parameters, changed, why)
 
     def _begin_with(self, parameters: Parameters, world: World, why: str) -> Parameters:
@@ -355,8 +355,7 @@ class Control:
         simulation = restored(self._robot, kept, fork.tick, self._stopwatch)
         base = self.parameters if fork.has_present_parameters else simulation.parameters
         parameters = base.changed(fork.parameters)
-        if parameters != simulation.parameters:
-            simulation.change(parameters)
+        simulation.change(parameters)
         simulation.keep_twin_ready()
         self._forked = ForkedWalk(fork, kept, self._robot, parameters)
         self._log.fork(simulation, fork.tick)
