@@ -84,7 +84,12 @@ class Simulation:
 
     def keep_twin_ready(self) -> None:
         """Build the twin that may be wanted later, so that no tick of a walk waits for it."""
-        if self._twin is None and self._spare_twin is None and self._body is not None and not self._body.is_ideal:
+        if (
+            self._twin is None
+            and self._spare_twin is None
+            and self._body is not None
+            and not self._body.driver.is_ideal
+        ):
             self._spare_twin = Simulation(self.robot, self._parameters_of_twin)
 
     @property
@@ -145,7 +150,7 @@ class Simulation:
             model=self._model,
             pushes=self._pushes.under_way,
             why_fallen=self._why_fallen,
-            driver=None if self._body is None else self._body.state,
+            driver=None if self._body is None else self._body.driver.state,
             twin=None if self._twin is None else self._twin.state,
         )
 
@@ -162,7 +167,7 @@ class Simulation:
         self._pushes = Pushes(state.pushes, last if last is not None and last.tick < state.model.tick else None)
         self._why_fallen, self._last_plan = state.why_fallen, None
         if self._body is not None and state.driver is not None:
-            self._body.restore(state.driver)
+            self._body.driver.restore(state.driver)
         if self._twin is not None:
             self._twin.restore(state if state.twin is None else state.twin)
 
@@ -188,7 +193,7 @@ class Simulation:
         self._stages.start()
         command = Command() if command is None else command
         if command.push is not None and self._body is not None:
-            self._body.check_link(command.push.link)
+            self._body.driver.check_link(command.push.link)
         snapshot = self._step(command, time_left)
         if self._twin is not None:
             snapshot = replace(snapshot, twin=self._twin.step(command))
@@ -234,7 +239,7 @@ class Simulation:
 
     def _observe(self, impulse: Vector) -> PlantTick | None:
         """Take in the push of this tick and the measured plant; None if all went as planned."""
-        if self._body is None or self._body.is_ideal:
+        if self._body is None or self._body.driver.is_ideal:
             if impulse is not NO_IMPULSE:
                 self._model = self._model.pushed(impulse / self.robot.mass)
             return None
@@ -275,7 +280,7 @@ class Simulation:
     ) -> Snapshot:
         """The body follows to the next tick, from which the true CoP at this one is known."""
         if self._why_fallen:
-            body.let_go(forces)
+            body.driver.let_go(forces)
             return snapshot
         try:
             return body.follow(model, self._model, snapshot, forces)
@@ -323,4 +328,4 @@ class Simulation:
 
     @property
     def _configuration(self) -> Vector | None:
-        return None if self._body is None else self._body.q
+        return None if self._body is None else self._body.driver.q
