@@ -16,7 +16,7 @@ from functools import cached_property
 from queue import SimpleQueue
 from typing import Any
 
-from app.live.control import Control, NothingToSaveError, NotPausedError
+from app.live.control import Control
 from app.live.fork import Fork
 from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
@@ -31,8 +31,6 @@ from walkcore.analysis.push_rose import PushRose
 from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.values import check_range
-
-__all__ = ["LiveState", "NoResponseError", "NotPausedError", "NothingToSaveError", "Runner"]
 
 SPEEDS = (0.1, 4.0)  # limits of simulated over real time
 INTERVALS = (0.2, 60.0)  # [s], limits of the time between random pushes

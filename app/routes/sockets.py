@@ -18,7 +18,8 @@ from app.http.refusals import field_errors, summary
 from app.http.schemas import ReferenceBody, TeleopMessage
 from app.http.turns import ReadBudget
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError
+from app.live.live_state import LiveState
+from app.live.messages import NoResponseError
 from app.live.teleop_client import TeleopClient
 from app.routes.dependencies import Lease, LiveSwitch
 from walkcore.errors import InvalidValueError

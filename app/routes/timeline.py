@@ -13,8 +13,8 @@ from app.http.live_json import live_json, past_json
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody
 from app.http.turns import ReadBudget
+from app.live.messages import NoResponseError
 from app.live.past import PastTicks
-from app.live.runner import NoResponseError
 from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer, Past
 from app.routes.live_robot import REFUSALS
 from app.routes.past_run import RunTicks

@@ -5,7 +5,7 @@ from typing import Any
 
 import viser
 
-from app.live.runner import NoResponseError
+from app.live.messages import NoResponseError
 from walkcore import WalkError
 
 NOTICE = 8.0  # [s] for which a refusal is shown

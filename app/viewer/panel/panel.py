@@ -10,7 +10,9 @@ from typing import Any
 import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError, Runner
+from app.live.live_state import LiveState
+from app.live.messages import NoResponseError
+from app.live.runner import Runner
 from app.viewer.panel.changes import NOTICE
 from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab

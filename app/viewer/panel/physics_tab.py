@@ -7,7 +7,8 @@ from typing import Any
 import viser
 
 from app.descriptions import descriptions
-from app.live.runner import LiveState, Runner
+from app.live.live_state import LiveState
+from app.live.runner import Runner
 from app.viewer.panel.changes import is_made, number_text, range_hint, refuse
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters
