@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import httpx
@@ -152,10 +153,16 @@ def viser_server() -> Iterator[viser.ViserServer]:
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    """One server for the tests of a file."""
-    with serving("--scene", "light") as server:
+def server(request: pytest.FixtureRequest) -> Iterator[Server]:
+    """One server for the tests of a file, of the robot and with the settings that its mark `server` names."""
+    mark = request.node.get_closest_marker("server") or pytest.mark.server().mark
+    with serving("--robot", *(mark.args or ("talos",)), "--scene", "light", **mark.kwargs) as server:
         yield server
+
+
+def live(api: httpx.Client) -> dict[str, Any]:
+    """The live snapshot."""
+    return api.get("live").json()
 
 
 @pytest.fixture
