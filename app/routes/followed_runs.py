@@ -6,15 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from app.http.run_schemas import RunSummary
-from app.http.sweep_schemas import SweepSummary
+from app.http.run_schemas import WorkSummary
 from app.runs import RunsUnavailableError, UnknownRunError
 from app.runs.run import ENDED
 
 PERIOD = 0.2  # [s] between looks
 MAX_STREAMS = 200  # open at once
 
-Summary = TypeVar("Summary", RunSummary, SweepSummary)
+Summary = TypeVar("Summary", bound=WorkSummary)
 
 
 @dataclass(slots=True, eq=False)
