@@ -46,7 +46,7 @@ class DrivenBody:
     def __init__(
         self, robot: Robot, body: BodyModel, parameters: Parameters, pendulum: Pendulum, world: World, stages: Stages
     ) -> None:
-        """Build the body and its plant; `reset` puts it at rest.
+        """Build the body and its plant; its driver's `reset` puts it at rest.
 
         Args:
             robot: with that body.
@@ -64,14 +64,6 @@ class DrivenBody:
         """Drives the plant."""
         self._robot, self._pendulum, self._stages = robot, pendulum, stages
         self._period = parameters.control_period
-
-    def reset(self, model: ModelState) -> None:
-        """Put the body at rest where the model is.
-
-        Raises:
-            InverseKinematicsError: if it cannot stand there.
-        """
-        self.driver.reset(model.body_target(self._pendulum.height))
 
     def observe(self, model: ModelState) -> tuple[ModelState, PlantTick | None]:
         """Let the model follow the body.

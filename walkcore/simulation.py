@@ -139,7 +139,7 @@ class Simulation:
         self._why_fallen = ""
         self._last_plan: Plan | None = None
         if self._body is not None:
-            self._body.reset(self._model)
+            self._body.driver.reset(self._model.body_target(self._planner.pendulum.height))
         if self._twin is not None:
             self._twin.reset()
 
@@ -170,11 +170,6 @@ class Simulation:
             self._body.driver.restore(state.driver)
         if self._twin is not None:
             self._twin.restore(state if state.twin is None else state.twin)
-
-    @property
-    def heading(self) -> float:
-        """Mean yaw of the feet [rad]."""
-        return self._model.heading
 
     def step(self, command: Command | None = None, time_left: TimeLeft = unlimited) -> Snapshot:
         """Advance by one tick. Never raises for what happens to the robot: that is in `status`.

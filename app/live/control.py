@@ -297,7 +297,7 @@ class Control:
         self._recovery, self._twin = PushRecoveryMonitor(), TwinMonitor()
         self._marks, self._forked = Marks(), None
         self.latest = replace(self.latest, walk=self.latest.walk + 1, comparison=None, was=None)
-        self._scheduler.reset_real_t()
+        self._scheduler.real_t = 0.0
         self._take_tick()
         self._scheduler.restart()
         return self.latest
