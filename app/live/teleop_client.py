@@ -54,7 +54,10 @@ class TeleopClient:
             InvalidValueError: for what cannot be clamped.
         """
         runner = self._runner()
-        runner.push(_clamped(push, runner.robot.max_push))
+        strength, limit = float(np.linalg.norm(push.impulse)), runner.robot.max_push
+        if strength > limit:  # and by so much less that rounding stays below it
+            push = replace(push, impulse=push.impulse * (limit / strength * (1.0 - 1e-9)))
+        runner.push(push)
 
     def _has_hold(self, engagement: int | None) -> bool:
         if engagement is None:
@@ -63,12 +66,3 @@ class TeleopClient:
         self._engagement = max(engagement, self._engagement)
         driver, client = self._runner().active_driver
         return is_new or driver == NO_REFERENCE.driver or (driver, client) == (self._driver, self._client)
-
-
-def _clamped(push: Push, max_push: float) -> Push:
-    """The push in its direction, no stronger than a limit [N s]."""
-    strength = float(np.linalg.norm(push.impulse))
-    if strength <= max_push:
-        return push
-    shrunk = push.impulse * (max_push / strength * (1.0 - 1e-9))  # so that rounding stays below the limit
-    return replace(push, impulse=shrunk)

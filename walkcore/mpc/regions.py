@@ -40,9 +40,8 @@ class HalfPlanes:
         """
         lower, upper = self.lower + margin, self.upper - margin
         if np.any(lower > upper):
-            raise EmptyRegionError(
-                f"a margin of {margin} m leaves nothing of a polygon {np.min(self.upper - self.lower)} m wide"
-            )
+            width = np.min(self.upper - self.lower)
+            raise EmptyRegionError(f"a margin of {margin} m leaves nothing of a polygon {width} m wide")
         return HalfPlanes(self.normals, lower, upper)
 
     def rotated(self, yaw: float) -> "HalfPlanes":
