@@ -9,6 +9,7 @@ from typing import Any
 
 from walkcore import Robot, load_robot, robot_names
 from walkcore.errors import InvalidValueError, WalkError
+from walkcore.values import check_choice
 
 logger = logging.getLogger(__name__)
 
@@ -41,10 +42,8 @@ class RobotChoices:
         Raises:
             InvalidValueError: if there is none, naming the choices.
         """
-        sources = self.sources()
-        if not isinstance(name, str) or name not in sources:
-            raise InvalidValueError(field, name, f"must be one of {', '.join(sorted(sources))}")
-        return sources[name]
+        sources = dict(sorted(self.sources().items()))
+        return sources[check_choice(field, name, sources)]
 
     def load(self, name: Any) -> Robot:
         """The robot of a name; the same object as before unless it is read from a file.

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from app.live.control import NothingToSaveError
 from app.live.driver_lease import DriverLease
+from app.live.messages import NoResponseError
 from app.live.plant_choice import PlantChoice
-from app.live.runner import NoResponseError, NothingToSaveError, Runner
+from app.live.runner import Runner
 from app.live.session_log import read_segments, write_segments
 from app.robot_choices import RobotChoices
 from app.viewer import RenderQuality, Viewer

@@ -22,7 +22,7 @@ import numpy as np
 import zstandard
 from viser_client import scene
 
-from app.live.runner import LiveState
+from app.live.live_state import LiveState
 from app.live.tick_scheduler import TickScheduler
 from app.viewer import Viewer
 from app.viewer.replay_page import assign_to_handles

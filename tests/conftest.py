@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import httpx
@@ -21,6 +22,9 @@ import viser
 from playwright.sync_api import Browser, sync_playwright
 
 from app.commands.cli import main
+from walkcore import Push
+from walkcore.analysis.survival import NominalWalk
+from walkcore.mpc.plan import Status
 
 WALK = Path(sys.executable).parent / "walk"
 START = 180.0  # [s] a slow or busy machine may take
@@ -157,10 +161,16 @@ def viser_server() -> Iterator[viser.ViserServer]:
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    """One server for the tests of a file."""
-    with serving("--scene", "light") as server:
+def server(request: pytest.FixtureRequest) -> Iterator[Server]:
+    """One server for the tests of a file, of the robot and with the settings that its mark `server` names."""
+    mark = request.node.get_closest_marker("server") or pytest.mark.server().mark
+    with serving("--robot", *(mark.args or ("talos",)), "--scene", "light", **mark.kwargs) as server:
         yield server
+
+
+def live(api: httpx.Client) -> dict[str, Any]:
+    """The live snapshot."""
+    return api.get("live").json()
 
 
 @pytest.fixture
@@ -183,3 +193,13 @@ def browser() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=arguments)
         yield browser
         browser.close()
+
+
+def survives_to_the_end(walk: NominalWalk, phase: float, push: Push) -> bool:
+    """What `walk.survives` decides early, after all of the time for which the robot has to stay on its feet."""
+    has_survived = False
+    for now, monitor in walk.after(phase, push):
+        if now.status is Status.FALLEN:
+            return False
+        has_survived = monitor.last is not None and monitor.last.survived is True
+    return has_survived

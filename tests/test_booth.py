@@ -35,6 +35,8 @@ from app.live.driver_queue import (
 from walkcore import Reference, load_robot
 from walkcore.mpc.plan import Status
 
+pytestmark = pytest.mark.server("hrp2")
+
 SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
 
 
@@ -284,12 +286,6 @@ def test_with_the_last_screen_all_visitors_go(runner, lease, clock):
             booth.step()
         assert booth.is_open and booth.queue.driver == "a" and lease.holder == LEASE
     assert not booth.is_open and booth.queue.driver == "" and lease.holder == ""
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light") as server:
-        yield server
 
 
 def test_a_code_holds_the_link_that_lets_a_phone_drive_for_addresses_of_servers_only(api):

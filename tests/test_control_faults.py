@@ -7,12 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
-from conftest import PATIENCE, wait_for
+from conftest import PATIENCE, live, wait_for
 from websockets.sync.client import connect
-
-
-def live(api: httpx.Client) -> dict:
-    return api.get("live").json()
 
 
 def test_a_killed_control_process_is_told_refuses_and_comes_back_while_sockets_go_on(api, server):

@@ -8,9 +8,11 @@ from conftest import walk
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from walkcore import WalkError, load_scenario
-from walkcore.errors import InvalidValueError
+from walkcore import WalkError, load_robot, load_scenario
+from walkcore.analysis.sweep import load_sweep
+from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.plain_yaml import MAX_BYTES, MAX_NESTING, MAX_TEXT, MAX_VALUES, load_yaml
+from walkcore.scenario.lesson import load_lesson
 from walkcore.scenario.scenario import MAX_EVENTS
 
 LEAST = "robot: hrp2\nduration: 1.0\n"
@@ -206,3 +208,10 @@ def test_any_value_anywhere_in_a_scenario_is_read_or_refused_in_one_line(tmp_pat
     for text in (yaml.safe_dump(scenario, allow_unicode=True), json.dumps(scenario, default=str)):
         file.write_bytes(text.encode(errors="replace"))
         assert_read_or_refused(file)
+
+
+@pytest.mark.parametrize("load", [load_robot, load_scenario, load_sweep, load_lesson])
+@pytest.mark.parametrize("name", ["nothing", "x" * 1000, "\0", "a\0b", ""])
+def test_a_name_that_is_none_is_refused_even_where_it_can_be_no_path(load, name):
+    with pytest.raises(UnknownNameError):
+        load(name)

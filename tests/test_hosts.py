@@ -2,11 +2,10 @@
 
 import re
 import socket
-from collections.abc import Iterator
 
 import httpx
 import pytest
-from conftest import PATIENCE, Server, serving
+from conftest import PATIENCE
 from hypothesis import given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser, expect
@@ -15,11 +14,7 @@ from websockets.sync.client import connect
 
 from app.http.hosts import KnownHosts
 
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light", WALK_HOSTS="Walk.example, other.example") as server:
-        yield server
+pytestmark = pytest.mark.server("hrp2", WALK_HOSTS="Walk.example, other.example")
 
 
 LOCAL = ["localhost", "LocalHost:8000", "localhost.", "127.0.0.1", "127.1.2.3:1", "[::1]", "[::1]:8000", "[0:0::1]:1"]

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 
 # From the ground up: a module of the core, and a folder of the server, may import those before it.
 CORE = """
-    errors values plain_yaml stages cache
+    errors values plain_yaml named_files stages cache
     command
     mpc.lipm mpc.stance mpc.horizon mpc.gait mpc.orientation mpc.regions mpc.capture
     mpc.preview mpc.objective mpc.schemes mpc.qp
@@ -30,7 +30,7 @@ CORE = """
     scenario.expectations scenario.events scenario.scenario scenario.lesson
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound analysis.survival analysis.push_rose
-    analysis.sweep
+    analysis.sweep analysis.cell_outcome
     robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
     scenario.recording scenario.session scenario.replay
 """.split()

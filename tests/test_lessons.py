@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, expect
 
 from walkcore import record
 from walkcore.errors import InvalidValueError, UnknownNameError
-from walkcore.scenario.lesson import KEYS, LESSONS, lesson_files, load_lesson, read_lesson
+from walkcore.scenario.lesson import KEYS, lesson_files, load_lesson, read_lesson
 from walkcore.scenario.scenario import scenario_from_mapping
 
 NAMES = list(lesson_files())
@@ -195,7 +195,7 @@ def test_an_experiment_that_is_not_the_lessons_own_is_refused(api):
 
 
 def test_a_shipped_lesson_can_be_replaced_and_a_folder_may_be_missing(tmp_path, api):
-    shutil.copy(LESSONS / f"{NAMES[0]}.md", tmp_path / f"{NAMES[0]}.md")
+    shutil.copy(str(lesson_files()[NAMES[0]]), tmp_path / f"{NAMES[0]}.md")
     files = lesson_files(tmp_path)
     assert list(files) == NAMES
     assert read_lesson("own", files[NAMES[0]]).title == load_lesson(NAMES[0]).title

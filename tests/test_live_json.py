@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from conftest import Clock
 
-from app.http.schemas import live_json
+from app.http.live_json import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
 from app.routes import sockets

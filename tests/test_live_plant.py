@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import Clock, serving
 
-from app.http.schemas import live_json
+from app.http.live_json import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
 from app.live.parameter_changes import sets_in_parts

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import survives_to_the_end
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.analysis.survival import NominalWalk
@@ -134,7 +135,7 @@ def test_a_push_that_the_forecast_gives_up_is_followed_to_the_end():
     robot = replace(load_robot("talos"), body=None)
     nominal = NominalWalk(robot, replace(FAST, scheme="dcm_tracker", control_period=0.02), Reference())
     push = Push(28.034 * np.array([math.cos(1.10312), math.sin(1.10312)]))
-    assert nominal.survives(0.8632, push) and nominal.survives_to_the_end(0.8632, push)
+    assert nominal.survives(0.8632, push) and survives_to_the_end(nominal, 0.8632, push)
 
 
 def test_the_jerk_of_a_tick_brings_the_cop_where_it_is_wanted():

@@ -1,28 +1,23 @@
 """The API responds as its document says, to valid and to invalid requests."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
 import pytest
 import schemathesis
-from conftest import PATIENCE, Server, serving
+from conftest import PATIENCE
 from hypothesis import HealthCheck, given, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 from schemathesis.checks import not_a_server_error
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
+pytestmark = pytest.mark.server("hrp2", RUNS_QUEUED="5")
+
 ANSWERED = [
     positive_data_acceptance,  # of a scenario that is valid by its schema the walk may still be impossible
     not_a_server_error,  # 503 is an answer: the queue is full; an undocumented one is found, and nothing documents 500
 ]
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light", RUNS_QUEUED="5") as server:
-        yield server
 
 
 @pytest.mark.parametrize("nb_examples", [4, pytest.param(100, marks=pytest.mark.exhaustive)])

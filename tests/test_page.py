@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import httpx
 import numpy as np
 import pytest
-from conftest import PATIENCE, Server, wait_for
+from conftest import PATIENCE, Server, live, wait_for
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 from pointers import Finger, Mouse, centre
@@ -47,10 +47,6 @@ def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Calla
     for page in pages:
         page.context.close()
     assert complaints == []
-
-
-def live(api: httpx.Client) -> dict:
-    return api.get("live").json()
 
 
 def watch(api: httpx.Client, seconds: float, until: Callable[[dict], bool] = lambda _: False) -> list[dict]:

@@ -1,5 +1,6 @@
 """The panel beside the scene: plots, layers, parameters of the method."""
 
+from concurrent.futures import Future
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,7 @@ from app.viewer.panel.plots_tab import PLOTS, PlotsTab, plotted
 from app.viewer.scene.layers import DEFAULT_LAYERS
 from app.viewer.scene.scene import Scene
 from app.viewer.transport.scene_updates import SceneUpdates
-from walkcore import Command, Parameters, Reference, Simulation, load_robot
+from walkcore import Command, Parameters, Reference, Simulation, WalkError, load_robot
 
 REFERENCES = [(4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (3.0, Reference())]
 
@@ -95,10 +96,15 @@ class Client:
 def runner():
     changes: list[dict[str, Any]] = []
 
-    def change(values: dict[str, Any]) -> Any:
+    def change(values: dict[str, Any]) -> Future[Parameters]:
         changes.append(values)
-        runner.parameters = parameters = runner.parameters.changed(values)
-        return SimpleNamespace(result=lambda timeout: parameters)
+        response: Future[Parameters] = Future()
+        try:
+            runner.parameters = runner.parameters.changed(values)
+            response.set_result(runner.parameters)
+        except WalkError as refusal:
+            response.set_exception(refusal)
+        return response
 
     runner = SimpleNamespace(robot=load_robot("talos"), parameters=Parameters(), changes=changes, change=change)
     return runner

@@ -13,8 +13,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.live.control import Control
+from app.live.messages import NoResponseError
 from app.live.parameter_changes import MAX_WAITING, sets_in_parts
-from app.live.runner import NoResponseError, Runner
+from app.live.runner import Runner
 from walkcore import Command, Parameters, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
 from walkcore.mpc import pattern_generator, supports

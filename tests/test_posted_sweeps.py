@@ -17,7 +17,8 @@ from app.sweeps.cells import CellStore, cells_table
 from app.sweeps.engine import sweep_versions
 from app.sweeps.posted_sweep import STATE, PostedSweepStore, WalkSweep
 from app.sweeps.posted_sweeps import PostedSweeps, SweepLimits, admitted_sweep
-from walkcore.analysis.sweep import outcome, sweep_from_mapping
+from walkcore.analysis.cell_outcome import outcome
+from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import InvalidValueError, UnknownNameError
 
 SMALL = {

@@ -1,6 +1,7 @@
 """The rose of pushes: what the controller says of each push, and the bound around it."""
 
 import math
+import multiprocessing
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +41,7 @@ def unit(rose, k, heading):
 
 def test_each_petal_ends_between_a_push_that_the_plan_survives_and_one_that_it_does_not(walk):
     rose = push_rose(walk, AHEAD, nb_directions=4)
-    heading, limit = walk.heading, TALOS.max_com_distance
+    heading, limit = walk.state.model.heading, TALOS.max_com_distance
     assert rose.tick == walk.state.model.tick and abs(heading) > 0.2
     assert min(rose.survived) > 2 * TOLERANCE and max(rose.survived) <= TALOS.max_push
     for k, impulse in enumerate(rose.survived):
@@ -55,7 +56,8 @@ def test_each_petal_ends_between_a_push_that_the_plan_survives_and_one_that_it_d
 
 
 def test_what_a_petal_promises_comes_true(walk):
-    rose, state, heading = push_rose(walk, AHEAD, nb_directions=4), walk.state, walk.heading
+    rose, state = push_rose(walk, AHEAD, nb_directions=4), walk.state
+    heading = state.model.heading
     for k, impulse in enumerate(rose.survived):
         walk.restore(state)
         snapshot = walk.step(Command(AHEAD, Push(0.99 * impulse * unit(rose, k, heading), frame="world")))
@@ -117,7 +119,8 @@ def test_roses_come_while_they_are_asked_for_of_the_latest_state_and_after_the_d
     first = walking.latest.next_state.model.tick
     wait_for(lambda: roses.latest is not None)
     assert roses.latest.tick == first
-    roses._process.kill()
+    for process in multiprocessing.active_children():
+        process.kill()
     walking.step()
     wait_for(lambda: roses.latest is not None and roses.latest.tick == first + 1)
     monkeypatch.setattr(push_roses, "KEPT_FOR", 0.0)

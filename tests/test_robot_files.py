@@ -16,13 +16,14 @@ from walkcore import Command, Reference, Simulation, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.motion.body_model import load_model
 from walkcore.mpc.stance import Side
-from walkcore.robot_file import ROBOTS, robot_from_mapping
+from walkcore.named_files import shipped_files
+from walkcore.robot_file import robot_from_mapping
 from walkcore.robot_import.findings import findings
 from walkcore.robot_import.legs import find_legs
 from walkcore.robot_import.measure import measure, robot_mapping
 
 G1 = load_robot("g1")
-FILE = Path(str(ROBOTS / "hrp2.yaml"))
+FILE = Path(str(shipped_files("robots")["hrp2"]))
 
 
 def hrp2(**changes):
@@ -91,8 +92,8 @@ def test_a_robot_file_by_path_walks_like_the_one_that_ships(tmp_path):
     ],
 )
 def test_names_that_the_urdf_does_not_have_are_refused(change, field):
-    values = yaml.safe_load((ROBOTS / "g1.yaml").read_text())
-    robot = robot_from_mapping(values | {"body": values["body"] | change}, Path(str(ROBOTS / "g1.yaml")))
+    values = yaml.safe_load(shipped_files("robots")["g1"].read_text())
+    robot = robot_from_mapping(values | {"body": values["body"] | change}, Path(str(shipped_files("robots")["g1"])))
     assert robot.body is not None
     with pytest.raises(InvalidValueError) as refusal:
         load_model(robot.body)
@@ -100,9 +101,9 @@ def test_names_that_the_urdf_does_not_have_are_refused(change, field):
 
 
 def test_joints_that_are_held_fast_keep_their_angle_and_leave_the_configuration():
-    values = yaml.safe_load((ROBOTS / "g1.yaml").read_text())
+    values = yaml.safe_load(shipped_files("robots")["g1"].read_text())
     fixed = {"fixed_joints": ["left_elbow_joint", "right_elbow_joint"]}
-    file = Path(str(ROBOTS / "g1.yaml"))
+    file = Path(str(shipped_files("robots")["g1"]))
     whole, less = (robot_from_mapping(values | {"body": values["body"] | more}, file) for more in ({}, fixed))
     models = [load_model(robot.body) for robot in (whole, less)]
     assert models[1].nq == models[0].nq - 2 and not models[1].existJointName("left_elbow_joint")

@@ -18,9 +18,9 @@ from playwright.sync_api import Browser, Route, expect
 from app.robot_choices import RobotChoices
 from walkcore import load_robot
 from walkcore.errors import InvalidValueError
-from walkcore.robot_file import ROBOTS
+from walkcore.named_files import shipped_files
 
-HRP2 = yaml.safe_load((ROBOTS / "hrp2.yaml").read_text(encoding="utf-8"))
+HRP2 = yaml.safe_load(shipped_files("robots")["hrp2"].read_text(encoding="utf-8"))
 
 
 def write_robot(folder: Path, file: str, **changes: object) -> None:

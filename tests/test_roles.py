@@ -1,7 +1,6 @@
 """Roles: the operator's token may do everything, the viewer's only look; places for those who look are bounded."""
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -20,14 +19,8 @@ from app.http.wrong_tokens import FREE, LONGEST, MAX_ADDRESSES, WrongTokens
 from app.settings import Settings
 
 OPERATOR, VIEWER = "operator-token", "viewer-token"
+pytestmark = pytest.mark.server("hrp2", WALK_TOKEN=OPERATOR, WALK_VIEW_TOKEN=VIEWER, SPECTATORS="2")
 PROTOCOL: Any = f"viser-v{viser.__version__}"
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    tokens = {"WALK_TOKEN": OPERATOR, "WALK_VIEW_TOKEN": VIEWER, "SPECTATORS": "2"}
-    with serving("--robot", "hrp2", "--scene", "light", **tokens) as server:
-        yield server
 
 
 def bearer(token: str) -> dict[str, str]:

@@ -13,9 +13,9 @@ import pytest
 from conftest import PATIENCE, wait_for
 
 from app.live import link as link_module
-from app.live.control import Control
-from app.live.messages import has_sent
-from app.live.runner import NoResponseError, NotPausedError, Runner
+from app.live.control import Control, NotPausedError
+from app.live.messages import NoResponseError, has_sent
+from app.live.runner import Runner
 from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.errors import InvalidValueError, UnknownNameError
@@ -125,22 +125,6 @@ def test_a_refusal_comes_back_as_it_was_raised(runner):
 def test_errors_of_the_core_cross_processes(error):
     copy = pickle.loads(pickle.dumps(error))
     assert str(copy) == str(error) and vars(copy) == vars(error)
-
-
-def test_a_preview_does_not_touch_the_robot(runner):
-    runner.pause().result(PATIENCE)
-    before = runner.latest.snapshot
-    preview = runner.preview(Push([0.0, 5.0])).result(PATIENCE)
-    assert preview.push[1] == 5.0 and preview.plan.is_capturable and preview.tick == before.tick + 1
-    assert runner.latest.snapshot.tick == before.tick
-    assert not runner.step(1).result(PATIENCE).snapshot.push.any()
-
-
-def test_random_pushes_are_on_until_they_are_switched_off(runner):
-    state = runner.push_at_random(1.0, 0.2).result(PATIENCE)
-    assert state.random_pushes is not None and state.random_pushes.strength == 1.0
-    wait_for(lambda: runner.latest.last_push is not None)
-    assert runner.push_at_random(0.0, 0.2).result(PATIENCE).random_pushes is None
 
 
 def test_a_robot_that_cannot_stand_fails_every_request():

@@ -5,22 +5,15 @@ import math
 import jsonschema
 import numpy as np
 import pytest
+from conftest import survives_to_the_end
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.http.sweep_schemas import sweep_schema
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
-from walkcore.analysis import sweep as sweeps
+from walkcore.analysis.cell_outcome import CellOutcome, cell_seeds, nominal_walk, outcome, replay, wilson_interval
 from walkcore.analysis.survival import OBSERVED, ImpulseScan, NominalWalk, survived_impulses
-from walkcore.analysis.sweep import (
-    CellOutcome,
-    cell_seeds,
-    load_sweep,
-    outcome,
-    replay,
-    sweep_from_mapping,
-    sweep_names,
-)
+from walkcore.analysis.sweep import load_sweep, sweep_from_mapping, sweep_names
 from walkcore.mpc.plan import Status
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -101,14 +94,14 @@ def test_every_border_that_the_scan_sees_is_found_to_the_tolerance(borders):
 
 
 def test_wilson_interval_agrees_with_its_published_values():
-    assert sweeps.wilson_interval(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
-    assert sweeps.wilson_interval(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)  # Brown, Cai, DasGupta 2001
+    assert wilson_interval(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert wilson_interval(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)  # Brown, Cai, DasGupta 2001
 
 
 def test_a_cell_is_decided_the_same_alone_and_after_others():
     sweep = sweep_from_mapping(SMALL)
     in_order = [outcome(sweep, sweep.cell(index)) for index in range(sweep.nb_cells)]
-    sweeps._nominal_walk.cache_clear()
+    nominal_walk.cache_clear()
     assert [outcome(sweep, sweep.cell(index)) for index in reversed(range(sweep.nb_cells))] == in_order[::-1]
     assert len({found.largest_impulse for found in in_order}) > 1
     assert all(found.delta_v == found.largest_impulse / 56.0 for found in in_order)
@@ -131,7 +124,7 @@ def test_the_replay_of_a_cell_falls_and_recovers_as_the_cell_says(timing):
 
 def test_a_walk_that_falls_by_itself_survives_no_push():
     sweep = sweep_from_mapping(SMALL | {"parameters": [FAST | {"scheme": "preview_control", "horizon_samples": 9}]})
-    assert sweeps.nominal_walk(sweep, 0).has_fallen
+    assert nominal_walk(sweep, 0).has_fallen
     assert outcome(sweep, sweep.cell(0)) == CellOutcome(None, None)
 
 
@@ -159,7 +152,7 @@ def test_what_is_decided_early_is_decided_as_after_all_of_the_time(timing, nb):
     walk = NominalWalk(load_robot("hrp2"), parameters, Reference())
     assert walk.push_tick(0.5) - walk.push_tick(0.0) == 8
     pushes = list(pushes_at_random(nb, 40.0))
-    decided = [(walk.survives(*push), walk.survives_to_the_end(*push)) for push in pushes]
+    decided = [(walk.survives(*push), survives_to_the_end(walk, *push)) for push in pushes]
     assert {early for early, _ in decided} == {True, False}
     assert [early for early, _ in decided] == [late for _, late in decided]
     assert all(walk.branch_point(phase).monitor.last is None for phase, _ in pushes), (
@@ -170,9 +163,9 @@ def test_what_is_decided_early_is_decided_as_after_all_of_the_time(timing, nb):
 def test_a_long_push_is_not_survived_for_the_ticks_at_which_it_is_still_weak():
     walk = NominalWalk(load_robot("hrp2"), Parameters.from_mapping(FAST), Reference())
     lethal = Push([0.0, 40.0], duration=1.0)
-    first, _ = next(iter(walk._after(0.25, lethal, None)))
+    first, _ = next(iter(walk.after(0.25, lethal)))
     assert first.status is Status.SOLVED, "the paper's QP solves the first ticks of this push"
-    assert not walk.survives_to_the_end(0.25, lethal)
+    assert not survives_to_the_end(walk, 0.25, lethal)
     assert not walk.survives(0.25, lethal)
 
 
@@ -184,7 +177,7 @@ def test_no_push_is_decided_otherwise_early_than_after_all_of_the_time(robot, ti
     values = {"stepping_in_place": True, "solver": "daqp", "step_timing": timing}
     walk = NominalWalk(load_robot(robot), Parameters.from_mapping(values), Reference(vx=vx))
     for phase, push in pushes_at_random(200, 60.0):
-        assert walk.survives(phase, push) is walk.survives_to_the_end(phase, push), (phase, push)
+        assert walk.survives(phase, push) is survives_to_the_end(walk, phase, push), (phase, push)
 
 
 def test_the_robot_is_observed_for_eight_seconds():

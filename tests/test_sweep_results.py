@@ -15,7 +15,8 @@ from app.sweeps.engine import lowest_bounds, sweep_versions
 from app.sweeps.results import write_results
 from app.sweeps.summary import summary_rows, walk_names, walks_of
 from walkcore import WalkError
-from walkcore.analysis.sweep import CellOutcome, Sweep, cell_bound, replay, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome, cell_bound, replay
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 
 FAST = {"control_period": 0.05, "stepping_in_place": True, "solver": "daqp"}
 SOURCE = {

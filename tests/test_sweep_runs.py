@@ -19,7 +19,8 @@ from app.sweeps import engine
 from app.sweeps.cells import MAX_PARTS, CellStore, cells_table, read_cells, write_table
 from app.sweeps.engine import run_sweep, sweep_versions, walk_cells
 from walkcore import WalkError
-from walkcore.analysis.sweep import CellOutcome, Sweep, outcome, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome, outcome
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 
 SOURCE = {
     "name": "small",
@@ -163,10 +164,10 @@ def test_dask_gives_the_same_bytes_and_a_killed_worker_loses_nothing(tmp_path, e
     assert killed and store.write_table().read_bytes() == expected
 
 
-def test_a_scheduler_that_is_not_there_is_told():
+def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "CONNECTION_TIMEOUT", 0.2)
     with pytest.raises(WalkError, match=r"scheduler = 'tcp://127.0.0.1:9': no Dask scheduler"):
-        with engine._workers(None, "tcp://127.0.0.1:9", timeout=0.2):
-            pass
+        run_sweep(SWEEP, opened(tmp_path), None, "tcp://127.0.0.1:9")
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,9 @@ import pytest
 from pydantic import ValidationError
 
 from app.http.schemas import TeleopMessage
-from app.live import runner as runner_module
-from app.live.runner import Runner, TeleopClient
+from app.live import teleop_client
+from app.live.runner import Runner
+from app.live.teleop_client import TeleopClient
 from walkcore import Parameters, Push, Reference, load_robot
 
 FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)
@@ -17,7 +18,7 @@ FORWARD, BACK = Reference(vx=0.1), Reference(vx=-0.1)
 @pytest.fixture
 def runner(monkeypatch) -> Iterator[Runner]:
     """Not started: what drives is known before the first tick. Holds last for longer than a test."""
-    monkeypatch.setattr(runner_module, "TELEOP_TIMEOUT", 600.0)
+    monkeypatch.setattr(teleop_client, "TELEOP_TIMEOUT", 600.0)
     runner = Runner(load_robot("hrp2"), Parameters())
     yield runner
     runner.stop()
@@ -38,7 +39,7 @@ def test_held_control_drives_again_when_nobody_else_does(runner, monkeypatch):
     one, other = TeleopClient(lambda: runner, "one"), TeleopClient(lambda: runner, "other")
     one.steer(FORWARD, "joystick", engagement=1)
     with monkeypatch.context() as patch:
-        patch.setattr(runner_module, "TELEOP_TIMEOUT", 0.01)
+        patch.setattr(teleop_client, "TELEOP_TIMEOUT", 0.01)
         other.steer(BACK, "joystick", engagement=1)
     time.sleep(0.02)
     assert runner.active_driver == ("none", "")

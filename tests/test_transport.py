@@ -18,7 +18,7 @@ from viser import _messages
 from websockets.asyncio.client import unix_connect
 from websockets.sync.client import connect as connect_blocking
 
-from app.live.runner import LiveState
+from app.live.live_state import LiveState
 from app.live.tick_scheduler import TickScheduler
 from app.viewer import LIGHT_PATH, Viewer
 from app.viewer.scene.scene import add_key_light

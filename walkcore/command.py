@@ -1,12 +1,12 @@
 """Commands of one tick: a reference velocity, and a push."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from walkcore.errors import InvalidValueError
-from walkcore.values import Vector, check_range, check_text, check_vector, frozen_copy
+from walkcore.values import Vector, check_choice, check_range, check_text, check_vector, frozen_copy
 
 Frame = Literal["robot", "world"]
 FARTHEST_POINT = 2.0  # [m] of a pushed point from its joint
@@ -54,8 +54,7 @@ class Push:
         impulse = [check_range(f"push.impulse[{i}]", value) for i, value in enumerate(self.impulse)]
         object.__setattr__(self, "impulse", frozen_copy(impulse, shape=(2,)))
         object.__setattr__(self, "duration", check_range("push.duration", self.duration, low=0.0))
-        if self.frame not in ("robot", "world"):
-            raise InvalidValueError("push.frame", self.frame, "must be 'robot' or 'world'")
+        check_choice("push.frame", self.frame, get_args(Frame))
         check_text("push.link", self.link)
         if self.point is not None:
             is_array = isinstance(self.point, np.ndarray)  # pyright: ignore[reportUnnecessaryIsInstance]  # a list from a client

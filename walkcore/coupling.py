@@ -21,7 +21,6 @@ from walkcore.mpc.regions import nearest_within
 from walkcore.mpc.stance import Side
 from walkcore.parameters import Parameters
 from walkcore.plant.driver import BodyDriver
-from walkcore.plant.driver_state import DriverState
 from walkcore.plant.fall_watch import (
     SIGNS,
     LastPush,
@@ -47,7 +46,7 @@ class DrivenBody:
     def __init__(
         self, robot: Robot, body: BodyModel, parameters: Parameters, pendulum: Pendulum, world: World, stages: Stages
     ) -> None:
-        """Build the body and its plant; `reset` puts it at rest.
+        """Build the body and its plant; its driver's `reset` puts it at rest.
 
         Args:
             robot: with that body.
@@ -61,44 +60,10 @@ class DrivenBody:
             InvalidValueError: if this machine has not that plant.
         """
         self.whole_body = WholeBody(body)
-        self._driver = BodyDriver(robot, self.whole_body, parameters, world, stages)
+        self.driver = BodyDriver(robot, self.whole_body, parameters, world, stages)
+        """Drives the plant."""
         self._robot, self._pendulum, self._stages = robot, pendulum, stages
         self._period = parameters.control_period
-
-    @property
-    def is_ideal(self) -> bool:
-        """Whether the body is where the model says."""
-        return self._driver.is_ideal
-
-    @property
-    def q(self) -> Vector:
-        """Commanded configuration at the coming tick, in Pinocchio's order, shape (nq,)."""
-        return self._driver.q
-
-    @property
-    def state(self) -> DriverState:
-        """The state between two ticks, for `restore`."""
-        return self._driver.state
-
-    def restore(self, state: DriverState) -> None:
-        """Go on from a state of the same body."""
-        self._driver.restore(state)
-
-    def reset(self, model: ModelState) -> None:
-        """Put the body at rest where the model is.
-
-        Raises:
-            InverseKinematicsError: if it cannot stand there.
-        """
-        self._driver.reset(model.body_target(self._pendulum.height))
-
-    def check_link(self, link: str) -> None:
-        """Refuse a link that the body does not have; empty stands for the torso.
-
-        Raises:
-            InvalidValueError: naming the links.
-        """
-        self._driver.check_link(link)
 
     def observe(self, model: ModelState) -> tuple[ModelState, PlantTick | None]:
         """Let the model follow the body.
@@ -109,7 +74,7 @@ class DrivenBody:
         Returns:
             The model after that, and the body; None instead of the ideal one.
         """
-        driver = self._driver
+        driver = self.driver
         measured, contact = driver.plant.measure(), driver.plant.ground()
         if measured is None or contact is None:
             return model, None
@@ -123,7 +88,7 @@ class DrivenBody:
 
     def observe_fallen(self) -> PlantTick | None:
         """The body of a robot that has fallen, which no model follows; None instead of the ideal one."""
-        driver = self._driver
+        driver = self.driver
         measured, contact = driver.plant.measure(), driver.plant.ground()
         if measured is None or contact is None:
             return None
@@ -136,7 +101,7 @@ class DrivenBody:
     def _anchored(self, model: ModelState, measured: Measurement) -> ModelState:
         """The whole model moved over the ground to where its support foot stands; it goes on as before, elsewhere."""
         motion = anchoring(model.support_foot, measured.soles[model.gait_state.support_side])
-        self._driver.move_model(motion)
+        self.driver.move_model(motion)
         return replace(
             model,
             com=motion.com(model.com),
@@ -148,7 +113,7 @@ class DrivenBody:
     def _dcm_error(self, model: ModelState, truth: Measurement, contact: GroundContact) -> Vector:
         gait = model.gait_state
         standing = list(Side) if gait.phase is Phase.STANDING else [gait.support_side]
-        sensed = self._driver.sensed(truth, contact, standing, model.tick)
+        sensed = self.driver.sensed(truth, contact, standing, model.tick)
         return dcm_error(sensed, model.com, model.com_offset, model.feet, standing, self._pendulum.omega)
 
     def follow(
@@ -171,20 +136,16 @@ class DrivenBody:
         on_ground, target = [foot.side for foot in snapshot.stance.feet], after.body_target(self._pendulum.height)
         plant = snapshot.plant
         if plant is None:
-            dynamics = self._driver.drive(target, on_ground, snapshot.push / self._period, (), None)
+            dynamics = self.driver.drive(target, on_ground, snapshot.push / self._period, (), None)
             self._note(self._limits_of_plan(snapshot), model)
             return replace(snapshot, true_cop=dynamics.true_cop, torques=dynamics.torques)
         margin = self._robot.tipping_margin
         command = partial(commanded_cop, error=plant.dcm_error, stance=snapshot.stance, margin=margin)
         has_already = self._robot.mass * plant.caught_up / self._period
-        dynamics = self._driver.drive(target, on_ground, has_already, forces, command)
+        dynamics = self.driver.drive(target, on_ground, has_already, forces, command)
         self._note(self._limits_of_body(plant, dynamics, snapshot) | self._limits_of_plan(snapshot), model)
         plant = replace(plant, commanded_cop=dynamics.commanded_cop)
         return replace(snapshot, true_cop=dynamics.true_cop, plant=plant)
-
-    def let_go(self, forces: tuple[ExternalForce, ...]) -> None:
-        """Let the joints be limp for one tick, as those of a robot that has fallen."""
-        self._driver.let_go(forces)
 
     def _limits_of_plan(self, snapshot: Snapshot) -> dict[str, bool]:
         """Which of its limits the plan has reached, by the names of `SIGNS`."""
@@ -197,15 +158,15 @@ class DrivenBody:
         """Which of its limits the body has reached, by the names of `SIGNS`."""
         return {
             "cop_at_edge": is_clipped(dynamics.true_cop, plant.dcm_error, dynamics.commanded_cop),
-            "torque_saturated": self._driver.saturated(plant.measured.torques),
+            "torque_saturated": self.driver.saturated(plant.measured.torques),
             "sole_tilted": any(is_tilted(plant.measured.soles[foot.side]) for foot in snapshot.stance.feet),
         }
 
     def _note(self, reached: dict[str, bool], model: ModelState) -> None:
         """Remember the limits that are reached at this tick."""
-        signs, now = self._driver.signs, [name for name in SIGNS if reached.get(name)]
+        signs, now = self.driver.signs, [name for name in SIGNS if reached.get(name)]
         step = self._step_out_of_reach(model) if "not_capturable" in now and signs.step is None else None
-        self._driver.signs = signs.seen(now, model.tick, self._period, step)
+        self.driver.signs = signs.seen(now, model.tick, self._period, step)
 
     def note_push(self, push: GivenPush, model: ModelState, goes_on: bool) -> None:
         """Remember a push, for the words that tell a fall.
@@ -217,7 +178,7 @@ class DrivenBody:
         """
         gait, (forward, left) = model.gait_state, (rotation(model.heading).T @ push.impulse).tolist()
         words = phase_in_words(gait.phase is Phase.SINGLE_SUPPORT, gait.phase is Phase.STANDING, gait.support_side)
-        self._driver.signs = self._driver.signs.pushed(LastPush(push.tick, forward, left, words), goes_on)
+        self.driver.signs = self.driver.signs.pushed(LastPush(push.tick, forward, left, words), goes_on)
 
     def reason_of_fall(self, reason: str, model: ModelState) -> str:
         """The words that tell a fall, by the last push and the limits that were reached.
@@ -226,19 +187,19 @@ class DrivenBody:
             reason: as the planner or the inverse kinematics gave it; empty of a body that lies.
             model: at the tick of the fall.
         """
-        signs = self._driver.signs
-        if self.is_ideal and signs.push is not None:
+        signs = self.driver.signs
+        if self.driver.is_ideal and signs.push is not None:
             self._note({"not_capturable": True}, model)
-            signs = self._driver.signs
+            signs = self.driver.signs
         told = signs.explain(model.tick, self._period)
-        if self.is_ideal:
+        if self.driver.is_ideal:
             return told if signs.push is not None or signs.signs else reason
         return f"{told}; {reason}" if reason else told
 
     @property
     def needed_step(self) -> NeededStep | None:
         """The step that was needed when the DCM left the capturable set, where it was out of reach."""
-        return self._driver.signs.step
+        return self.driver.signs.step
 
     def _step_out_of_reach(self, model: ModelState) -> NeededStep | None:
         """The step that would stop the robot, if it is out of reach, with the CoP as near to the DCM as it can be."""

@@ -11,7 +11,7 @@ from walkcore.mpc.gait import Timing
 from walkcore.mpc.lipm import GRAVITY
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import DEPRECATED, SCHEMES, Scheme
-from walkcore.values import check_keys, check_range
+from walkcore.values import check_choice, check_flag, check_keys, check_range
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -33,9 +33,16 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 """Lowest and highest value of each parameter that is a number."""
-STEP_TIMINGS = ("fixed", "adaptive")
-"""Whether all steps last as long as the parameters say, or sooner touchdowns may catch a robot that was pushed."""
 PLANTS = ("ideal", "mujoco")
+CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "scheme": tuple(SCHEMES),
+        "solver": tuple(SOLVERS),
+        "step_timing": ("fixed", "adaptive"),
+        "plant": PLANTS,
+    }
+)
+"""Choices of each parameter that is one of some words."""
 COM_HEIGHT_LIMITS = (0.1, 2.0)  # [m]
 FIXED = ("control_period", "sampling_period", "double_support_duration", "com_height", "gravity", "plant")
 """Parameters that hold for a whole walk."""
@@ -95,19 +102,12 @@ class Parameters:
     def __post_init__(self) -> None:
         if isinstance(self.scheme, str):  # pyright: ignore[reportUnnecessaryIsInstance]  # a client sends anything
             object.__setattr__(self, "scheme", DEPRECATED.get(self.scheme, self.scheme))
-        if self.scheme not in tuple(SCHEMES):  # a tuple takes what a dictionary cannot hash
-            raise InvalidValueError("scheme", self.scheme, f"must be one of {', '.join(SCHEMES)}")
-        if self.solver not in tuple(SOLVERS):
-            raise InvalidValueError("solver", self.solver, f"must be one of {', '.join(SOLVERS)}")
-        if self.step_timing not in STEP_TIMINGS:
-            raise InvalidValueError("step_timing", self.step_timing, f"must be one of {', '.join(STEP_TIMINGS)}")
-        if self.plant not in PLANTS:
-            raise InvalidValueError("plant", self.plant, f"must be one of {', '.join(PLANTS)}")
+        for name, choices in CHOICES.items():
+            check_choice(name, getattr(self, name), choices)
         for name, (low, high) in LIMITS.items():
             check_range(name, getattr(self, name), low, high)
         for name in ("stepping_in_place", "dynamic_filter", "twin"):
-            if not isinstance(getattr(self, name), bool):
-                raise InvalidValueError(name, getattr(self, name), "must be true or false")
+            check_flag(name, getattr(self, name))
         if self.com_height is not None:
             check_range("com_height", self.com_height, *COM_HEIGHT_LIMITS)
         if self.horizon_samples != int(self.horizon_samples):

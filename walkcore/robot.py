@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from walkcore.command import Push, Reference
+from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.regions import closest_band, foothold_vertices
 from walkcore.mpc.stance import Footstep, Side
 from walkcore.parameters import Parameters
@@ -142,6 +143,11 @@ class Robot:
         """
         bands = [(region.lowest_yaw, region.highest_yaw) for region in self.foothold_regions]
         return foothold_vertices(self.foothold_regions[closest_band(bands, yaw * landing.sign)].vertices, landing)
+
+    def pendulum(self, parameters: Parameters) -> Pendulum:
+        """The model that the CoM follows with some parameters, which may name another height."""
+        height = self.com_height if parameters.com_height is None else parameters.com_height
+        return Pendulum(height, parameters.gravity)
 
     def foot_at_rest(self, side: Side) -> Footstep:
         """Place of a foot before the first command: the robot stands around the origin, facing x."""

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameError
+from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.mpc.regions import polygon
+from walkcore.named_files import is_file, named_file, shipped_files
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
 from walkcore.robot import BodyModel, FixedFrame, FootholdRegion, Robot, SwingMoments
@@ -24,7 +24,6 @@ from walkcore.values import (
     frozen_copy,
 )
 
-ROBOTS = files("walkcore") / "robots"
 DEFAULT_ROBOT = "talos"
 """Robot that walks where none is named, and from whose size an import guesses what it cannot measure."""
 REQUIRED = (
@@ -58,7 +57,7 @@ MAX_JOINTS = 200
 
 def robot_names() -> list[str]:
     """Names of the robots that ship."""
-    return sorted(Path(str(entry)).stem for entry in ROBOTS.iterdir() if str(entry).endswith(".yaml"))
+    return list(shipped_files("robots"))
 
 
 def load_robot(name_or_path: str | Path = DEFAULT_ROBOT) -> Robot:
@@ -71,24 +70,16 @@ def load_robot(name_or_path: str | Path = DEFAULT_ROBOT) -> Robot:
         InvalidValueError: naming the field, its value and its limit.
         UnknownNameError: if there is none.
     """
-    name, path = str(name_or_path), Path(name_or_path)
-    if name in robot_names():
-        return _shipped(name)
-    if _is_file(path):
-        return robot_from_mapping(load_yaml(path, "robot"), path)
-    raise UnknownNameError("robot", name, robot_names())
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # what can be no path, such as a thousand letters
-        return False
+    shipped = shipped_files("robots")
+    if str(name_or_path) in shipped:
+        return _shipped(str(name_or_path))
+    file = named_file("robot", name_or_path, shipped)
+    return robot_from_mapping(load_yaml(file, "robot"), Path(str(file)))
 
 
 @cache
 def _shipped(name: str) -> Robot:
-    file = ROBOTS / f"{name}.yaml"
+    file = shipped_files("robots")[name]
     return robot_from_mapping(load_yaml(file, "robot"), Path(str(file)), source=name)
 
 
@@ -221,7 +212,7 @@ def _package_folder(package: str, folder: str) -> Path:
 
 def _file(where: str, folder: Path, name: Any) -> Path:
     path = folder / check_text(where, name)
-    if not _is_file(path):
+    if not is_file(path):
         raise InvalidValueError(where, name, f"must be a file in {folder}")
     return path
 

@@ -84,7 +84,12 @@ class Simulation:
 
     def keep_twin_ready(self) -> None:
         """Build the twin that may be wanted later, so that no tick of a walk waits for it."""
-        if self._twin is None and self._spare_twin is None and self._body is not None and not self._body.is_ideal:
+        if (
+            self._twin is None
+            and self._spare_twin is None
+            and self._body is not None
+            and not self._body.driver.is_ideal
+        ):
             self._spare_twin = Simulation(self.robot, self._parameters_of_twin)
 
     @property
@@ -111,7 +116,7 @@ class Simulation:
         self._twin = twin
 
     def change(self, parameters: Parameters, sets: BalanceSets | None = None) -> None:
-        """Walk on with other parameters; a step under way keeps its duration.
+        """Walk on with these parameters; a step under way keeps its duration.
 
         Args:
             parameters: all of them.
@@ -121,6 +126,8 @@ class Simulation:
             InvalidValueError: for one that cannot change during a walk.
             EmptyRegionError: if the CoP margin leaves nothing of a sole; the old parameters stay.
         """
+        if parameters == self.parameters:
+            return
         self._use(self.parameters.check_change(parameters), sets)
         self._model = self._model.with_timing(parameters.timing)
         self._switch_twin(sets)
@@ -132,7 +139,7 @@ class Simulation:
         self._why_fallen = ""
         self._last_plan: Plan | None = None
         if self._body is not None:
-            self._body.reset(self._model)
+            self._body.driver.reset(self._model.body_target(self._planner.pendulum.height))
         if self._twin is not None:
             self._twin.reset()
 
@@ -143,7 +150,7 @@ class Simulation:
             model=self._model,
             pushes=self._pushes.under_way,
             why_fallen=self._why_fallen,
-            driver=None if self._body is None else self._body.state,
+            driver=None if self._body is None else self._body.driver.state,
             twin=None if self._twin is None else self._twin.state,
         )
 
@@ -160,14 +167,9 @@ class Simulation:
         self._pushes = Pushes(state.pushes, last if last is not None and last.tick < state.model.tick else None)
         self._why_fallen, self._last_plan = state.why_fallen, None
         if self._body is not None and state.driver is not None:
-            self._body.restore(state.driver)
+            self._body.driver.restore(state.driver)
         if self._twin is not None:
             self._twin.restore(state if state.twin is None else state.twin)
-
-    @property
-    def heading(self) -> float:
-        """Mean yaw of the feet [rad]."""
-        return self._model.heading
 
     def step(self, command: Command | None = None, time_left: TimeLeft = unlimited) -> Snapshot:
         """Advance by one tick. Never raises for what happens to the robot: that is in `status`.
@@ -186,7 +188,7 @@ class Simulation:
         self._stages.start()
         command = Command() if command is None else command
         if command.push is not None and self._body is not None:
-            self._body.check_link(command.push.link)
+            self._body.driver.check_link(command.push.link)
         snapshot = self._step(command, time_left)
         if self._twin is not None:
             snapshot = replace(snapshot, twin=self._twin.step(command))
@@ -232,7 +234,7 @@ class Simulation:
 
     def _observe(self, impulse: Vector) -> PlantTick | None:
         """Take in the push of this tick and the measured plant; None if all went as planned."""
-        if self._body is None or self._body.is_ideal:
+        if self._body is None or self._body.driver.is_ideal:
             if impulse is not NO_IMPULSE:
                 self._model = self._model.pushed(impulse / self.robot.mass)
             return None
@@ -273,7 +275,7 @@ class Simulation:
     ) -> Snapshot:
         """The body follows to the next tick, from which the true CoP at this one is known."""
         if self._why_fallen:
-            body.let_go(forces)
+            body.driver.let_go(forces)
             return snapshot
         try:
             return body.follow(model, self._model, snapshot, forces)
@@ -321,4 +323,4 @@ class Simulation:
 
     @property
     def _configuration(self) -> Vector | None:
-        return None if self._body is None else self._body.q
+        return None if self._body is None else self._body.driver.q

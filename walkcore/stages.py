@@ -3,22 +3,22 @@
 import math
 from collections.abc import Callable
 from itertools import count
-from typing import Protocol
 
 
-class Stages(Protocol):
-    """Listener to the stages of a tick."""
+class Stages:
+    """Listener to the stages of a tick; this one takes no notice of them."""
 
     def start(self) -> None:
         """Note that a tick begins."""
-        ...
 
     def lap(self, stage: str) -> None:
         """Note that a stage is over, which lasted since the last call."""
-        ...
 
 
-class Stopwatch:
+UNTIMED = Stages()
+
+
+class Stopwatch(Stages):
     """Durations of the stages of the latest tick."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -43,18 +43,6 @@ class Stopwatch:
         self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
         self._last = now
 
-
-class _Untimed:
-    """Listener that measures nothing."""
-
-    def start(self) -> None:
-        """Do nothing."""
-
-    def lap(self, stage: str) -> None:
-        """Do nothing."""
-
-
-UNTIMED: Stages = _Untimed()
 
 TimeLeft = Callable[[], float]
 """Time that is left for the decision of a tick [s]."""

@@ -13,9 +13,8 @@ from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import Flight, FootState
 from walkcore.mpc.gait import Gait, Retiming, Timing
 from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.stance import Side
 from walkcore.parameters import LIMITS, Parameters
-from walkcore.plant.driver_state import DriverState, driver_state_from_mapping
+from walkcore.plant.driver_state import DriverState, driver_state_from_mapping, side_from_name
 from walkcore.pushes import PushUnderWay, pushes_from_list
 from walkcore.robot import Robot
 from walkcore.values import (
@@ -73,12 +72,10 @@ class SimulationState:
         }
 
 
-# The vectors of each part: how many numbers, and how large they may be.
+# The vectors of each part, by how many numbers and how large they may be, and the numbers of a flight.
 COM = {"position": (2, FARTHEST), "velocity": (2, 1e3), "acceleration": (2, 1e4)}
 FOOT = {"pose": (3, FARTHEST), "velocity": (3, 1e3), "acceleration": (3, 1e5)}
 OFFSET = {"position": (2, 10.0), "divergent": (2, 10.0)}  # the older name of its DCM, which saved sessions have
-
-
 FLIGHT = {"height": (0.0, HIGHEST), "velocity": (-1e2, 1e2), "acceleration": (-1e4, 1e4), "bump": (0.0, HIGHEST)}
 
 
@@ -146,10 +143,8 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     where = "initial_state.gait"
     timing = {"step_duration": parameters.step_duration, "retiming": None}
     values = check_complete(where, timing | check_mapping(where, data), ("first_support", "start", "nb_steps", *timing))
-    sides = {side.name.lower(): side for side in Side}
     side, start, nb_steps = (values[key] for key in ("first_support", "start", "nb_steps"))
-    if side not in ("left", "right"):
-        raise InvalidValueError(f"{where}.first_support", side, "must be 'left' or 'right'")
+    first_support = side_from_name(f"{where}.first_support", side)
     if start is not None:
         check_whole(f"{where}.start", start, 0, MAX_TICK)
     if nb_steps is not None:
@@ -157,7 +152,7 @@ def _gait(data: Any, tick: int | None, parameters: Parameters) -> Gait:
     if nb_steps is not None and start is None:
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be null where start is null")
     retiming = _retiming(values["retiming"], start, parameters)
-    gait = Gait(_timing(parameters, values["step_duration"]), sides[side], start, nb_steps, retiming)
+    gait = Gait(_timing(parameters, values["step_duration"]), first_support, start, nb_steps, retiming)
     if tick is not None and gait.has_ended(tick):
         raise InvalidValueError(f"{where}.nb_steps", nb_steps, "must be more than the steps that have been taken")
     return gait

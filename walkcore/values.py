@@ -100,6 +100,28 @@ def check_vector(field: str, value: object, size: int, low: float = -math.inf, h
     return frozen_copy([check_range(f"{field}[{i}]", component, low, high) for i, component in components])
 
 
+def check_choice(field: str, value: object, choices: Collection[str]) -> str:
+    """`value`, if it is one of some texts.
+
+    Raises:
+        InvalidValueError: naming them, if it is not.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise InvalidValueError(field, value, f"must be one of {', '.join(choices)}")
+    return value
+
+
+def check_flag(field: str, value: object) -> bool:
+    """`value`, if it is true or false.
+
+    Raises:
+        InvalidValueError: if it is not.
+    """
+    if not isinstance(value, bool):
+        raise InvalidValueError(field, value, "must be true or false")
+    return value
+
+
 def check_text(field: str, value: object) -> str:
     """`value`, if it is text that a file can hold.
 

@@ -123,15 +123,11 @@ def _draw_soles(panel: Axes, robot: Robot, region: FootholdRegion) -> None:
     yaw = (region.lowest_yaw + region.highest_yaw) / 2
     feet = (
         (Footstep(Side.RIGHT, np.zeros(2), 0.0), RIGHT_FOOT),
-        (Footstep(Side.LEFT, _middle(region), yaw), LEFT_FOOT),
+        (Footstep(Side.LEFT, np.mean(region.vertices, axis=0), yaw), LEFT_FOOT),
     )
     for foot, colour in feet:
         outline = sole_vertices(robot.sole, foot)[:, ::-1]
         panel.add_patch(Polygon(outline, facecolor=_hex(colour), alpha=0.25, edgecolor=_hex(colour), zorder=1))
-
-
-def _middle(region: FootholdRegion) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.mean(region.vertices, axis=0)
 
 
 def _hex(colour: Colour) -> str:

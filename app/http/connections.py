@@ -13,12 +13,13 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import h11
-from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
+
+from app.http.guards import refuse
 
 SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
 REQUEST_TIMEOUT = 10.0  # [s] from the first byte of a request, or the connection's beginning, to its last
@@ -236,4 +237,4 @@ class EndingMiddleware:
             if scope["type"] == "lifespan":
                 raise
             if scope["type"] == "http" and not is_begun:
-                await JSONResponse({"detail": "the server stops", "errors": []}, status_code=503)(scope, receive, send)
+                await refuse(503, "the server stops", scope, receive, send)

@@ -1,5 +1,6 @@
 """Guards before all routes: only our own page may drive the robot from a browser, and no body may be too long."""
 
+from collections.abc import Mapping
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
@@ -7,10 +8,26 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
+from websockets.frames import CloseCode
 
 READING = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 256 * 1024  # bytes: more than a scenario needs
 TOO_LONG = f"the body is longer than {MAX_BODY} bytes"
+FOREIGN = "requests from pages of another origin are refused"
+
+
+def refusal(status: int, detail: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """A refusal before all routes, in the shape that `refusals` gives theirs."""
+    return JSONResponse({"detail": detail, "errors": []}, status, headers)
+
+
+async def refuse(status: int, detail: str, scope: Scope, receive: Receive, send: Send) -> None:
+    """Refuse a request with a status, or a websocket by closing it, for a reason of at most 123 bytes."""
+    if scope["type"] == "websocket":
+        await receive()  # the connection must be seen before it can be refused
+        await WebSocketClose(CloseCode.POLICY_VIOLATION, detail)(scope, receive, send)
+    else:
+        await refusal(status, detail)(scope, receive, send)
 
 
 class SameOriginMiddleware:
@@ -28,12 +45,8 @@ class SameOriginMiddleware:
         is_guarded = scope["type"] == "websocket" or (scope["type"] == "http" and scope["method"] not in READING)
         if not is_guarded or is_same_origin(Headers(scope=scope)):
             await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            await receive()  # the connection must be seen before it can be refused
-            await WebSocketClose(1008, "foreign origin")(scope, receive, send)
         else:
-            detail = {"detail": "requests from pages of another origin are refused", "errors": []}
-            await JSONResponse(detail, status_code=403)(scope, receive, send)
+            await refuse(403, FOREIGN, scope, receive, send)
 
 
 def is_same_origin(headers: Headers) -> bool:
@@ -54,7 +67,7 @@ class BodyLimitMiddleware:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
         elif _announced_length(scope) > MAX_BODY:
-            await JSONResponse({"detail": TOO_LONG, "errors": []}, status_code=413)(scope, receive, send)
+            await refuse(413, TOO_LONG, scope, receive, send)
         else:
             await self._app(scope, _limited(receive), send)
 

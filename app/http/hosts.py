@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from starlette.datastructures import Headers
-from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
-from starlette.websockets import WebSocketClose
+
+from app.http.guards import refuse
 
 HOST = re.compile(r"(?P<name>\[[0-9a-f:.]+\]|[a-z0-9._-]+)(?::[0-9]{1,5})?", re.IGNORECASE | re.ASCII)
 LOOPBACK_NAME = "localhost"
@@ -56,11 +56,8 @@ class KnownHostMiddleware:
         """Pass on, or refuse."""
         if scope["type"] not in ("http", "websocket") or self._is_known(Headers(scope=scope)):
             await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            await receive()  # the connection must be seen before it can be refused
-            await WebSocketClose(1008, "unknown host")(scope, receive, send)
         else:
-            await JSONResponse({"detail": UNKNOWN_HOST, "errors": []}, status_code=421)(scope, receive, send)
+            await refuse(421, UNKNOWN_HOST, scope, receive, send)
 
     def _is_known(self, headers: Headers) -> bool:
         hosts = headers.getlist("host")

@@ -2,6 +2,7 @@
 
 import reprlib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -11,8 +12,9 @@ from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
 from app.http.schemas import ErrorBody, FieldError
+from app.live.control import NothingToSaveError, NotPausedError
 from app.live.driver_lease import LeaseHeldError
-from app.live.runner import NoResponseError, NothingToSaveError, NotPausedError
+from app.live.messages import NoResponseError
 from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError, WalkError
 
@@ -34,19 +36,26 @@ BODIES = {
 }
 
 
+STATUS: Mapping[type[Exception], int] = {
+    WalkError: 422,
+    NotPausedError: 409,
+    NothingToSaveError: 409,
+    NoRecordingError: 409,
+    LeaseHeldError: 409,
+    UnknownRunError: 404,
+    NoResponseError: 503,
+    RunsUnavailableError: 503,
+}
+"""Status by which each error of ours is refused."""
+
+
 def install(app: FastAPI) -> None:
     """Give the refusals of all routes the one shape."""
     app.add_exception_handler(HTTPException, _refuse_request)
     app.add_exception_handler(RequestValidationError, _refuse_body)
     app.add_exception_handler(InvalidValueError, _refuse_value)
-    app.add_exception_handler(WalkError, _refuse_walk)
-    app.add_exception_handler(NotPausedError, _refuse_now)
-    app.add_exception_handler(NothingToSaveError, _refuse_now)
-    app.add_exception_handler(NoResponseError, _refuse_without_response)
-    app.add_exception_handler(NoRecordingError, _refuse_now)
-    app.add_exception_handler(LeaseHeldError, _refuse_now)
-    app.add_exception_handler(UnknownRunError, _refuse_unknown)
-    app.add_exception_handler(RunsUnavailableError, _refuse_for_a_while)
+    for kind, status in STATUS.items():
+        app.add_exception_handler(kind, partial(_refuse, status))
 
 
 def field_errors(errors: Sequence[Any], outermost: int = 0) -> list[FieldError]:
@@ -119,22 +128,6 @@ async def _refuse_value(request: Request, error: Exception) -> JSONResponse:
     return _response(422, summary(errors), errors)
 
 
-async def _refuse_walk(_: Request, error: Exception) -> JSONResponse:
-    return _response(422, _readable(str(error), MAX_LIMIT))
-
-
-async def _refuse_without_response(_: Request, error: Exception) -> JSONResponse:
-    return _response(503, str(error))
-
-
-async def _refuse_unknown(_: Request, error: Exception) -> JSONResponse:
-    return _response(404, str(error))
-
-
-async def _refuse_for_a_while(_: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, RunsUnavailableError)
-    return _response(503, str(error), headers={"Retry-After": str(error.retry_after)})
-
-
-async def _refuse_now(_: Request, error: Exception) -> JSONResponse:
-    return _response(409, str(error))
+async def _refuse(status: int, _: Request, error: Exception) -> JSONResponse:
+    headers = {"Retry-After": str(error.RETRY_AFTER)} if isinstance(error, RunsUnavailableError) else None
+    return _response(status, _readable(str(error), MAX_LIMIT), headers=headers)

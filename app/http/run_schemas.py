@@ -10,17 +10,26 @@ from app.formats import FORMATS
 from app.runs.run import RunStatus
 
 
-class RunSummary(BaseModel):
-    """A scripted run, without its scenario and metrics."""
+class WorkSummary(BaseModel):
+    """A run or a sweep: where its work stands."""
 
     model_config = ConfigDict(from_attributes=True)
 
     id: str
-    name: str = Field(description="Name of the scenario.")
+    name: str = Field(description="Name of what was sent.")
+    status: RunStatus
+    reason: str = Field(description="Why it failed, or was cancelled.")
+    created: datetime
+    started: datetime | None
+    ended: datetime | None
+    size: int = Field(description="Size of its files [bytes].")
+
+
+class RunSummary(WorkSummary):
+    """A scripted run, without its scenario and metrics."""
+
     robot: str
     duration: float = Field(description="Duration of the scenario [s].")
-    status: RunStatus
-    reason: str = Field(description="Why the run failed, or was cancelled.")
     progress: float = Field(
         ge=0.0,
         le=1.0,
@@ -31,10 +40,6 @@ class RunSummary(BaseModel):
         validation_alias=AliasPath("progress", "real_time_factor"),
         description="Simulated over real time; null before it is known.",
     )
-    created: datetime
-    started: datetime | None
-    ended: datetime | None
-    size: int = Field(description="Size of its files [bytes].")
 
     @computed_field(description="Address of each file of a run that was simulated to its end.")
     @property

@@ -12,9 +12,8 @@ from app.descriptions import descriptions
 from app.http.json_schema import Json, choice, complete, list_of, mapping, number, optional, text, whole
 from walkcore import Parameters, robot_names
 from walkcore.command import FARTHEST_POINT
-from walkcore.mpc.qp import SOLVERS
-from walkcore.mpc.schemes import DEPRECATED, SCHEMES
-from walkcore.parameters import COM_HEIGHT_LIMITS, LIMITS, PLANTS, STEP_TIMINGS
+from walkcore.mpc.schemes import DEPRECATED
+from walkcore.parameters import CHOICES, COM_HEIGHT_LIMITS, LIMITS
 from walkcore.plant.driver_state import MAX_DELAYED, MAX_PLANT_NUMBERS
 from walkcore.plant.fall_watch import SIGNS
 from walkcore.plant.world import LIMITS as WORLD_LIMITS
@@ -52,14 +51,9 @@ def _parameters() -> Json:
 
 
 def _parameter(name: str, description: str, default: Any) -> Json:
-    choices = {
-        "scheme": (*SCHEMES, *DEPRECATED),
-        "solver": tuple(SOLVERS),
-        "step_timing": STEP_TIMINGS,
-        "plant": PLANTS,
-    }
-    if name in choices:
-        return choice(description, choices[name], default=default)
+    if name in CHOICES:
+        deprecated = DEPRECATED if name == "scheme" else ()
+        return choice(description, (*CHOICES[name], *deprecated), default=default)
     if name == "com_height":
         return optional(number(description, *COM_HEIGHT_LIMITS, default=default))
     if name not in LIMITS:

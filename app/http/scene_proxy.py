@@ -17,6 +17,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import WebSocketException
+from websockets.frames import CloseCode
 
 from app.http.page import viser_page
 from app.http.seats import Seats
@@ -30,7 +31,6 @@ logger = logging.getLogger(__name__)
 CLOSE_TIMEOUT = 0.2  # [s] viser's response to a close is waited for; behind poses that nobody takes it never comes
 FORWARD_PERIOD = 1.0 / 30.0  # [s] from one handing on of a browser's messages to the next
 COST_OF_CONTROLS = 4  # messages that one to a control counts as: it goes to every browser, and calls back
-TRY_AGAIN_LATER, POLICY_VIOLATION = 1013, 1008
 
 Client = Annotated[str, Query(max_length=64)]
 
@@ -62,7 +62,7 @@ def scene_router(viewer: Callable[[], Viewer], seats: Seats) -> APIRouter:
 async def _seat(browser: WebSocket, viewer: Viewer, seats: Seats, path: str) -> None:
     """Connect a browser with viser if there is a place for it."""
     if not seats.has_room(browser):
-        await browser.close(TRY_AGAIN_LATER)
+        await browser.close(CloseCode.TRY_AGAIN_LATER)
         return
     with seats.taken():
         await _proxy(browser, viewer, path)
@@ -81,7 +81,7 @@ async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
             max_queue=2,
         )
     except (OSError, WebSocketException):
-        await browser.close(TRY_AGAIN_LATER)
+        await browser.close(CloseCode.TRY_AGAIN_LATER)
         return
     async with upstream:
         await browser.accept(subprotocol=upstream.subprotocol)
@@ -128,4 +128,4 @@ async def _relay(browser: WebSocket, upstream: ClientConnection, messages: Clien
     if refusal:
         logger.warning("a browser was disconnected from the scene for its message: %.100r", refusal)
         with suppress(WebSocketDisconnect):
-            await browser.close(POLICY_VIOLATION)
+            await browser.close(CloseCode.POLICY_VIOLATION)

@@ -1,14 +1,13 @@
 """Sweeps as JSON: the schema of what is sent, as documentation, since only the core judges sweeps; and the answers."""
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, computed_field
+from pydantic import Field, computed_field
 
 from app.http.json_schema import Json, list_of, mapping, number, text, whole
+from app.http.run_schemas import WorkSummary
 from app.http.scenario_schema import PARAMETERS, REFERENCE, WORLD
-from app.runs.run import RunStatus
 from walkcore import robot_names
 from walkcore.analysis.survival import OBSERVED
 from walkcore.analysis.sweep import MAX_DIRECTIONS, MAX_PHASES, MAX_SEEDS, MAX_WALKS
@@ -48,22 +47,12 @@ def sweep_schema() -> Json:
 FILES = {"page": "sweep.html", "parquet": "cells.parquet", "json": "sweep.json"}
 
 
-class SweepSummary(BaseModel):
+class SweepSummary(WorkSummary):
     """A sweep that was posted, without what was sent."""
 
-    model_config = ConfigDict(from_attributes=True)
-
-    id: str
-    name: str = Field(description="Name of the sweep.")
-    status: RunStatus
-    reason: str = Field(description="Why the sweep failed, or was cancelled.")
     nb_cells: int
     nb_done: int = Field(description="Cells that are finished.")
     time_left: float | None = Field(description="Estimated time that is left [s]; null before it is known.")
-    created: datetime
-    started: datetime | None
-    ended: datetime | None
-    size: int = Field(description="Size of its files [bytes].")
 
     @computed_field(description="Address of each file of a sweep that is done.")
     @property

@@ -19,11 +19,10 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
-from starlette.websockets import WebSocketClose
 
-from app.http.guards import READING
+from app.http.guards import READING, refusal, refuse
 from app.http.wrong_tokens import WrongTokens
 
 Role = Literal["operator", "viewer"]
@@ -128,11 +127,10 @@ class TokenMiddleware:
             role = self._tokens.role_by_token(given, address)
         if role is not None and (role == "operator" or _only_looks(scope)):
             await self._app({**scope, "walk.role": role}, receive, send)
-        elif scope["type"] == "websocket":
-            await receive()  # the connection must be seen before it can be refused
-            await WebSocketClose(1008, LOOKING_ONLY if role else "the token is missing")(scope, receive, send)
         elif role is not None:
-            await JSONResponse({"detail": LOOKING_ONLY, "errors": []}, status_code=403)(scope, receive, send)
+            await refuse(403, LOOKING_ONLY, scope, receive, send)
+        elif scope["type"] == "websocket":
+            await refuse(401, "the token is missing", scope, receive, send)
         else:
             await _refusal(scope, headers, wait)(scope, receive, send)
 
@@ -155,13 +153,12 @@ def _bearer(headers: Headers) -> bytes | None:
 def _refusal(scope: Scope, headers: Headers, wait: float) -> Response:
     if wait > 0.0:
         seconds = math.ceil(wait)
-        body = {"detail": f"too many wrong tokens; try again in {seconds} s", "errors": []}
-        return JSONResponse(body, status_code=429, headers={"Retry-After": str(seconds)})
+        return refusal(429, f"too many wrong tokens; try again in {seconds} s", {"Retry-After": str(seconds)})
     if scope["method"] == "GET" and "text/html" in headers.get("accept", ""):
         query = f"?{scope['query_string'].decode('latin-1')}" if scope["query_string"] else ""
         return RedirectResponse(f"{SIGN_IN}?next={quote(scope['path'] + query, safe='/')}", status_code=303)
-    body = {"detail": "the token is missing or wrong; send it as Authorization: Bearer TOKEN", "errors": []}
-    return JSONResponse(body, status_code=401, headers={"WWW-Authenticate": "Bearer"})
+    detail = "the token is missing or wrong; send it as Authorization: Bearer TOKEN"
+    return refusal(401, detail, {"WWW-Authenticate": "Bearer"})
 
 
 def _cookies(headers: Headers) -> SimpleCookie:

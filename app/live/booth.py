@@ -17,7 +17,8 @@ from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.driver_queue import DriverQueue
 from app.live.live_state import LiveState
 from app.live.messages import NoResponseError
-from app.live.runner import TELEOP_TIMEOUT, Runner
+from app.live.runner import Runner
+from app.live.teleop_client import TELEOP_TIMEOUT
 from walkcore import Push, Reference
 from walkcore.mpc.plan import Status
 

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from app.live.command_source import CommandSource
 from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
-from app.live.plant_choice import PlantChoice, suitable_plant
-from app.live.random_pusher import RandomPusher
+from app.live.plant_choice import AS_CHOSEN, PlantChoice, suitable_plant
 from app.live.session_log import SessionLog
 from app.live.tick_scheduler import TickScheduler
 from app.live.timeline import Marks, Timeline
@@ -31,8 +31,6 @@ from walkcore.state import SimulationState
 
 logger = logging.getLogger(__name__)
 
-PAST = ReferenceCommand(Reference(), "past")
-"""Driver that is told while a forked walk follows the commands of the walk that was."""
 MAX_TICK_TIME = 0.05  # [s] of a tick, after which no solve begins any more and the last plan goes on
 
 
@@ -80,9 +78,7 @@ class Control:
         self._scheduler = TickScheduler(parameters.control_period, clock)
         self._is_started = self._is_asleep = False
         self._attended_until = math.inf
-        self._command, self._commanded_at = NO_REFERENCE, 0.0
-        self._push: Push | None = None
-        self._random_pusher: RandomPusher | None = None
+        self._commands = CommandSource(parameters.control_period, clock)
         self._prepared_for, self._prepared = 0, list[bytes]()
         self._robot, self._recovery = robot, PushRecoveryMonitor()
         self._twin = TwinMonitor()
@@ -95,13 +91,19 @@ class Control:
         self._log.begin()
         first = self._simulation.step()
         self._log.end(Command(), first)
-        state = LiveState(first, self._scheduler.timing, True, NO_REFERENCE.driver)
-        state = replace(state, robot=self._robot.name, plant=self.parameters.plant)
-        return replace(state, next_state=self._simulation.state, world=self._simulation.world)
+        return LiveState(
+            first,
+            self._scheduler.timing,
+            running=True,
+            driver=NO_REFERENCE.driver,
+            robot=self._robot.name,
+            plant=self.parameters.plant,
+            next_state=self._simulation.state,
+            world=self._simulation.world,
+        )
 
     def _resumed_state(self, resumed: LiveState) -> LiveState:
-        if resumed.random_pushes is not None:
-            self._random_pusher = RandomPusher(resumed.random_pushes, self.parameters.control_period)
+        self._commands.push_at_random(resumed.random_pushes)
         self._scheduler.set_speed(resumed.speed)
         if resumed.next_state is None or not self._can_restore(resumed.next_state):
             self._simulation.reset()
@@ -167,13 +169,13 @@ class Control:
 
     def set_reference(self, command: ReferenceCommand) -> None:
         """Follow a reference from the next tick on."""
-        self._command, self._commanded_at = command, self._clock()
+        self._commands.set_reference(command)
         if self._forked is not None:
             self._forked.follows = False  # somebody drives
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick; of several before it the last one counts."""
-        self._push = push
+        self._commands.push(push)
 
     def pause(self) -> LiveState:
         """Stop time."""
@@ -273,7 +275,7 @@ class Control:
             changed = PERFECT
         why = self.latest.plant_reason
         if parameters.plant != self.parameters.plant:
-            why = "the ideal model, as chosen" if parameters.plant == "ideal" else "contact physics, as chosen"
+            why = AS_CHOSEN[parameters.plant]
         return self._begin_with(parameters, changed, why)
 
     def _begin_with(self, parameters: Parameters, world: World, why: str) -> Parameters:
@@ -291,11 +293,11 @@ class Control:
 
     def _begin(self) -> LiveState:
         """Take the first tick of a robot at rest."""
-        self._command, self._push = NO_REFERENCE, None
+        self._commands.begin()
         self._recovery, self._twin = PushRecoveryMonitor(), TwinMonitor()
         self._marks, self._forked = Marks(), None
         self.latest = replace(self.latest, walk=self.latest.walk + 1, comparison=None, was=None)
-        self._scheduler.reset_real_t()
+        self._scheduler.real_t = 0.0
         self._take_tick()
         self._scheduler.restart()
         return self.latest
@@ -307,11 +309,11 @@ class Control:
 
     def preview(self, push: Push) -> Snapshot:
         """The next tick as it would be if a push came all at once; the robot does not feel it."""
-        return self._simulation.preview(Command(self._command.reference, replace(push, duration=0.0)))
+        return self._simulation.preview(Command(self._commands.reference, replace(push, duration=0.0)))
 
     def push_at_random(self, pushes: RandomPushes | None) -> LiveState:
         """Let pushes come by themselves; None ends them."""
-        self._random_pusher = None if pushes is None else RandomPusher(pushes, self.parameters.control_period)
+        self._commands.push_at_random(pushes)
         return self._show(random_pushes=pushes)
 
     def save(self, is_before_reset: bool) -> Iterator[bytes]:
@@ -353,15 +355,14 @@ class Control:
         simulation = restored(self._robot, kept, fork.tick, self._stopwatch)
         base = self.parameters if fork.has_present_parameters else simulation.parameters
         parameters = base.changed(fork.parameters)
-        if parameters != simulation.parameters:
-            simulation.change(parameters)
+        simulation.change(parameters)
         simulation.keep_twin_ready()
         self._forked = ForkedWalk(fork, kept, self._robot, parameters)
         self._log.fork(simulation, fork.tick)
         self._marks.fork(fork.tick)
         self._simulation, self.parameters = simulation, parameters
         reference = Reference() if fork.reference is None else fork.reference
-        self._command, self._push = ReferenceCommand(reference, "rest" if fork.reference else "none"), fork.push
+        self._commands.begin(ReferenceCommand(reference, "rest" if fork.reference else "none"), fork.push)
         self._recovery, self._twin = self._forked.monitor, TwinMonitor()
         self.latest = replace(self.latest, walk=self.latest.walk + 1)
         self._take_tick()
@@ -379,9 +380,7 @@ class Control:
 
     def _take_tick(self, time_left: TimeLeft = unlimited) -> None:
         started = self._clock()
-        if started > self._commanded_at + self._command.expires_after:
-            self._command = NO_REFERENCE
-        command, driver = self._next_command()
+        command, driver = self._commands.next(started, self._forked)
         if self._forked is not None:
             time_left = self._forked.time_left(time_left)
         self._log.begin()
@@ -413,27 +412,10 @@ class Control:
         """Whether the coming ticks would be like this one."""
         return (
             snapshot.is_at_rest
-            and self._random_pusher is None
+            and not self._commands.pushes_at_random
             and self._forked is None
             and not self._simulation.state.pushes
         )
-
-    def _next_command(self) -> tuple[Command, ReferenceCommand]:
-        """The command of the tick, and who drives."""
-        forked = self._forked
-        if forked is not None:
-            forked.begin()
-            if forked.follows:
-                push, self._push = self._push, None
-                return forked.command(push), PAST
-        return Command(self._command.reference, self._next_push()), self._command
-
-    def _next_push(self) -> Push | None:
-        """The push that was requested, else a random one where one is due."""
-        push, self._push = self._push, None
-        if push is None and self._random_pusher is not None:
-            push = self._random_pusher.at_next_tick()
-        return push
 
     def _show(self, **changed: Any) -> LiveState:
         self.latest = replace(self.latest, **changed)

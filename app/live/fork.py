@@ -115,15 +115,10 @@ def restored(robot: Robot, kept: Sequence[PackedSegment], tick: int, stages: Sta
     simulation.restore(first.state)
     for segment in segments:
         for index, (command, _) in enumerate(segment.ticks[: max(tick - segment.state.model.tick, 0)]):
-            _change(simulation, segment.parameters_at(index))
+            simulation.change(segment.parameters_at(index))
             simulation.step(command, time_of_solves(segment.solves_in_time.get(index)))
-    _change(simulation, segments[-1].parameters_at(tick - segments[-1].state.model.tick))
+    simulation.change(segments[-1].parameters_at(tick - segments[-1].state.model.tick))
     return simulation
-
-
-def _change(simulation: Simulation, parameters: Parameters) -> None:
-    if parameters != simulation.parameters:
-        simulation.change(parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +179,7 @@ class Tally:
         if self._stance is None or not np.array_equal(self._stance.polygon, now.stance.polygon):
             self._stance, self._ground = now.stance, _ground(now.stance)
         if self._ground is not None:
-            along = self._ground.normals @ now.cop
-            self._margin = min(self._margin, *(self._ground.upper - along), *(along - self._ground.lower))
+            self._margin = min(self._margin, -self._ground.excess(now.cop))
 
     @property
     def numbers(self) -> WalkNumbers:
@@ -194,7 +188,7 @@ class Tally:
         return WalkNumbers(
             fell_at=self._fell_at,
             recovery=None if push is None or push.t < self._since else push,
-            cop_margin=float(self._margin) if math.isfinite(self._margin) else None,
+            cop_margin=self._margin if math.isfinite(self._margin) else None,
             velocity_error=math.hypot(*self._error.tolist()) / max(self._nb_ticks, 1),
         )
 

@@ -10,6 +10,8 @@ from walkcore.errors import WalkError
 
 PlantChoice = Literal["auto", "ideal", "mujoco"]
 PHYSICS = "mujoco"
+AS_CHOSEN = {"ideal": "the ideal model, as chosen", PHYSICS: "contact physics, as chosen"}
+"""Why a plant moves that somebody has chosen."""
 MEASURED_TICKS = 200
 MEASURED_TIME = 1.0  # [s] after which a machine is known to be too slow
 LARGEST_SHARE = 0.6  # of the period that the mean tick may take: the page needs the rest
@@ -32,14 +34,14 @@ def suitable_plant(
     """
     ideal = replace(parameters, plant="ideal")
     if choice == "ideal":
-        return ideal, "the ideal model, as chosen"
+        return ideal, AS_CHOSEN[choice]
     physics = replace(parameters, plant=PHYSICS)
     try:
         simulation = Simulation(robot, physics)
     except WalkError as refusal:
         return ideal, f"the ideal model: {refusal}"
     if choice == PHYSICS:
-        return physics, "contact physics, as chosen"
+        return physics, AS_CHOSEN[choice]
     mean, period = _mean_tick(simulation, clock), parameters.control_period
     measured = f"{1e3 * mean:.1f} of {1e3 * period:g} ms"
     if mean <= LARGEST_SHARE * period:

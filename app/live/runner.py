@@ -3,10 +3,6 @@
 The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks and its ticks wait
 for nobody: state, reference and push are single places in shared memory where the latest value wins, and what pauses,
 resumes, steps or resets is a request with a response.
-
-Several browsers may command the robot, and the last one to take hold drives. A held stick repeats its reference, so
-that a lost connection is noticed. If every repetition were obeyed, two browsers would pull the robot to and fro; so a
-client that was overtaken is heard again only when it takes hold anew, or when nobody drives any more.
 """
 
 import math
@@ -20,9 +16,7 @@ from functools import cached_property
 from queue import SimpleQueue
 from typing import Any
 
-import numpy as np
-
-from app.live.control import Control, NothingToSaveError, NotPausedError
+from app.live.control import Control
 from app.live.fork import Fork
 from app.live.link import ControlLink
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
@@ -38,13 +32,10 @@ from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.values import check_range
 
-__all__ = ["LiveState", "NoResponseError", "NotPausedError", "NothingToSaveError", "Runner", "TeleopClient"]
-
 SPEEDS = (0.1, 4.0)  # limits of simulated over real time
 INTERVALS = (0.2, 60.0)  # [s], limits of the time between random pushes
 ATTENTION = 120.0  # [s] after which a robot at rest that nobody looks at falls asleep
 ATTENTION_PERIOD = 1.0  # [s] between two messages that somebody looks
-TELEOP_TIMEOUT = 0.4  # [s] after which a silent teleop client counts as let go
 
 
 class Runner:
@@ -338,64 +329,3 @@ def _until_done(items: SimpleQueue[bytes | Future[Any]]) -> Iterator[bytes]:
     while not isinstance(item := items.get(), Future):
         yield item
     item.result()
-
-
-class TeleopClient:
-    """The controls of one browser: its references and pushes, kept within the robot's limits."""
-
-    def __init__(self, runner: Callable[[], Runner], client: str) -> None:
-        """Begin without a hold.
-
-        Args:
-            runner: gives that of the robot that walks at the moment.
-            client: name of the browser.
-        """
-        self._get_runner, self._client = runner, client
-        self._engagement = -1
-        self._driver = NO_REFERENCE.driver
-
-    @property
-    def _runner(self) -> Runner:
-        return self._get_runner()
-
-    def steer(self, reference: Reference, driver: str, engagement: int | None) -> None:
-        """Request a velocity, which is clamped to the limits; ignored where another client has overtaken this one.
-
-        Args:
-            reference: as the control stands.
-            driver: kind of control: "joystick", "keyboard" ...
-            engagement: number of the current hold of the control, which grows with each; None takes hold anew with
-                every call.
-
-        Raises:
-            InvalidValueError: for what cannot be clamped.
-        """
-        if self._has_hold(engagement):
-            runner, self._driver = self._runner, driver
-            runner.drive(runner.robot.clamped_reference(reference), driver, TELEOP_TIMEOUT, self._client)
-
-    def push(self, push: Push) -> None:
-        """Push the robot, in the given direction and no stronger than the limit.
-
-        Raises:
-            InvalidValueError: for what cannot be clamped.
-        """
-        runner = self._runner
-        runner.push(_clamped(push, runner.robot.max_push))
-
-    def _has_hold(self, engagement: int | None) -> bool:
-        if engagement is None:
-            return True
-        is_new = engagement > self._engagement
-        self._engagement = max(engagement, self._engagement)
-        driver, client = self._runner.active_driver
-        return is_new or driver == NO_REFERENCE.driver or (driver, client) == (self._driver, self._client)
-
-
-def _clamped(push: Push, max_push: float) -> Push:
-    """The push in its direction, no stronger than a limit [N s]."""
-    strength = float(np.linalg.norm(push.impulse))
-    if strength <= max_push:
-        return push
-    shrunk = push.impulse * (max_push / strength * (1.0 - 1e-9))  # so that rounding stays below the limit
-    return replace(push, impulse=shrunk)

@@ -58,7 +58,7 @@ class TickScheduler:
         self._lateness = [0] * (len(LATENESS_EDGES) + 1)
         self._lateness_sum = self._lateness_max = 0.0
         self.real_t = 0.0
-        """Time on the wall during which the robot was running, since `reset_real_t` [s]."""
+        """Time on the wall during which the robot was running, since it was set to zero [s]."""
         self.set_speed(1.0)
 
     def set_speed(self, speed: float) -> None:
@@ -71,10 +71,6 @@ class TickScheduler:
         """Let the next tick be due now; time before it, such as a pause, does not count."""
         self._due = self._clock()
         self._starts.clear()
-
-    def reset_real_t(self) -> None:
-        """Count the time on the wall from zero again."""
-        self.real_t = 0.0
 
     @property
     def time_left(self) -> float:

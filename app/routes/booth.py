@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 import segno
 from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, Field, ValidationError
+from websockets.frames import CloseCode
 
 from app.http.refusals import field_errors, summary
 from app.http.schemas import Body, ErrorBody
@@ -26,7 +27,6 @@ MAX_MESSAGE = 500  # characters
 MAX_RATE, BURST = 30.0, 20  # messages of a phone that are read a second, and at once
 MAX_PHONES = 100  # connected at once
 PERIOD = 0.25  # [s] between messages to a phone or a screen
-TRY_AGAIN_LATER, REFUSED = 1013, 1008
 Share = Annotated[float, Field(ge=-1.0, le=1.0)]
 
 router = APIRouter(prefix="/api/v1/live/booth", tags=["booth"], responses={422: {"model": ErrorBody}})
@@ -119,10 +119,10 @@ async def phone(
 ) -> None:
     """Let the visitor at a phone stand in line and drive in turn; the key is in the code on the screen."""
     if not secrets.compare_digest(key.encode(), booth.key.encode()):
-        await socket.close(REFUSED, "the code is of another day: scan it again")
+        await socket.close(CloseCode.POLICY_VIOLATION, "the code is of another day: scan it again")
         return
     if booth.nb_phones >= MAX_PHONES:
-        await socket.close(TRY_AGAIN_LATER)
+        await socket.close(CloseCode.TRY_AGAIN_LATER)
         return
     await socket.accept()
     visitor = _Phone(socket, booth, client or secrets.token_hex(8))

@@ -3,10 +3,12 @@
 Coroutines where nothing blocks, since FastAPI takes a thread for each plain function.
 """
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends
+from starlette.datastructures import State
 from starlette.requests import HTTPConnection
 
 from app.http.run_schemas import RunSummary
@@ -23,46 +25,32 @@ from app.sweeps.posted_sweeps import PostedSweeps
 from app.viewer import Viewer
 
 
-async def _runner(connection: HTTPConnection) -> Runner:
-    return connection.app.state.switch.runner
+def _part(read: Callable[[State], Any]) -> Any:
+    """Dependency on a part of the application, as `app.main.create_app` has put it there."""
+
+    async def part(connection: HTTPConnection) -> Any:
+        return read(connection.app.state)
+
+    return Depends(part)
 
 
-async def _viewer(connection: HTTPConnection) -> Viewer:
-    return connection.app.state.switch.viewer
+Lease = Annotated[DriverLease, _part(lambda state: state.lease)]
+LessonFolder = Annotated[Path | None, _part(lambda state: state.lesson_folder)]
+LiveRunner = Annotated[Runner, _part(lambda state: state.switch.runner)]
+LiveSwitch = Annotated[RobotSwitch, _part(lambda state: state.switch)]
+LiveViewer = Annotated[Viewer, _part(lambda state: state.switch.viewer)]
+TheBooth = Annotated[Booth, _part(lambda state: state.booth)]
+Past = Annotated[PastTicks, _part(lambda state: state.past)]
+AllRuns = Annotated[Runs, _part(lambda state: state.runs)]
+AllSweeps = Annotated[PostedSweeps, _part(lambda state: state.sweeps)]
+RoomToFollow = Annotated[FollowedRuns[RunSummary], _part(lambda state: _with_room(state.followed))]
+RoomToFollowSweeps = Annotated[FollowedRuns[SweepSummary], _part(lambda state: _with_room(state.followed_sweeps))]
 
 
-async def _switch(connection: HTTPConnection) -> RobotSwitch:
-    return connection.app.state.switch
-
-
-async def _runs(connection: HTTPConnection) -> Runs:
-    return connection.app.state.runs
-
-
-async def _lease(connection: HTTPConnection) -> DriverLease:
-    return connection.app.state.lease
-
-
-async def _booth(connection: HTTPConnection) -> Booth:
-    return connection.app.state.booth
-
-
-async def _lesson_folder(connection: HTTPConnection) -> Path | None:
-    return connection.app.state.lesson_folder
-
-
-async def _past(connection: HTTPConnection) -> PastTicks:
-    return connection.app.state.past
-
-
-Lease = Annotated[DriverLease, Depends(_lease)]
-LessonFolder = Annotated[Path | None, Depends(_lesson_folder)]
-LiveRunner = Annotated[Runner, Depends(_runner)]
-LiveSwitch = Annotated[RobotSwitch, Depends(_switch)]
-LiveViewer = Annotated[Viewer, Depends(_viewer)]
-TheBooth = Annotated[Booth, Depends(_booth)]
-Past = Annotated[PastTicks, Depends(_past)]
-AllRuns = Annotated[Runs, Depends(_runs)]
+def _with_room(followed: FollowedRuns[Any]) -> FollowedRuns[Any]:
+    """The followed runs, if one more stream may be opened: a stream that has begun cannot be refused."""
+    followed.check_room()
+    return followed
 
 
 def _run(run_id: str, runs: AllRuns) -> Run:
@@ -70,38 +58,10 @@ def _run(run_id: str, runs: AllRuns) -> Run:
     return runs.get(run_id)
 
 
-KnownRun = Annotated[Run, Depends(_run)]
-
-
-async def _room_to_follow(connection: HTTPConnection) -> FollowedRuns[RunSummary]:
-    """The followed runs, if one more stream may be opened: a stream that has begun cannot be refused."""
-    followed: FollowedRuns[RunSummary] = connection.app.state.followed
-    followed.check_room()
-    return followed
-
-
-RoomToFollow = Annotated[FollowedRuns[RunSummary], Depends(_room_to_follow)]
-
-
-async def _sweeps(connection: HTTPConnection) -> PostedSweeps:
-    return connection.app.state.sweeps
-
-
-AllSweeps = Annotated[PostedSweeps, Depends(_sweeps)]
-
-
 def _sweep(sweep_id: str, sweeps: AllSweeps) -> PostedSweep:
     """The sweep of a path."""
     return sweeps.get(sweep_id)
 
 
+KnownRun = Annotated[Run, Depends(_run)]
 KnownSweep = Annotated[PostedSweep, Depends(_sweep)]
-
-
-async def _room_to_follow_sweeps(connection: HTTPConnection) -> FollowedRuns[SweepSummary]:
-    followed: FollowedRuns[SweepSummary] = connection.app.state.followed_sweeps
-    followed.check_room()
-    return followed
-
-
-RoomToFollowSweeps = Annotated[FollowedRuns[SweepSummary], Depends(_room_to_follow_sweeps)]

@@ -6,16 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from app.http.run_schemas import RunSummary
-from app.http.sweep_schemas import SweepSummary
+from app.http.run_schemas import WorkSummary
 from app.runs import RunsUnavailableError, UnknownRunError
 from app.runs.run import ENDED
 
 PERIOD = 0.2  # [s] between looks
 MAX_STREAMS = 200  # open at once
-RETRY_AFTER = 10  # [s]
 
-Summary = TypeVar("Summary", RunSummary, SweepSummary)
+Summary = TypeVar("Summary", bound=WorkSummary)
 
 
 @dataclass(slots=True, eq=False)
@@ -50,7 +48,7 @@ class FollowedRuns(Generic[Summary]):
             RunsUnavailableError: if there are so many.
         """
         if self._nb_streams >= MAX_STREAMS:
-            raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open", RETRY_AFTER)
+            raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open")
 
     async def summaries(self, first: Summary) -> AsyncIterator[Summary]:
         """The state of a run, now and at each change, until it has ended or is gone.

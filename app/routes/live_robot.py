@@ -7,6 +7,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from pydantic import StrictBool
 
+from app.http.live_json import live_json, preview_json
 from app.http.run_schemas import RunBody, address
 from app.http.schemas import (
     ErrorBody,
@@ -19,8 +20,6 @@ from app.http.schemas import (
     SaveBody,
     SpeedBody,
     StepBody,
-    live_json,
-    preview_json,
     robot_body,
 )
 from app.routes.dependencies import AllRuns, Lease, LiveRunner, LiveSwitch, LiveViewer

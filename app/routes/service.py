@@ -8,10 +8,11 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
+from app.http.live_json import late_json
 from app.http.prometheus import SERVER, memory_of
-from app.http.schemas import Health, RobotBody, Session, late_json, robot_body
+from app.http.schemas import Health, RobotBody, Session, robot_body
 from app.http.token import role_of
-from app.live.runner import LiveState
+from app.live.live_state import LiveState
 from app.routes.dependencies import AllRuns, LiveRunner, LiveSwitch
 from walkcore import load_scenario, scenario_names
 

@@ -11,12 +11,16 @@ from typing import Annotated, Any, Literal
 import msgspec
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
+from websockets.frames import CloseCode
 
+from app.http.live_json import live_json
 from app.http.refusals import field_errors, summary
-from app.http.schemas import ReferenceBody, TeleopMessage, live_json
+from app.http.schemas import ReferenceBody, TeleopMessage
 from app.http.turns import ReadBudget
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError, TeleopClient
+from app.live.live_state import LiveState
+from app.live.messages import NoResponseError
+from app.live.teleop_client import TeleopClient
 from app.routes.dependencies import Lease, LiveSwitch
 from walkcore.errors import InvalidValueError
 from walkcore.values import check_range
@@ -24,7 +28,6 @@ from walkcore.values import check_range
 MAX_MESSAGE = 4096  # characters
 MAX_RATE, BURST = 400.0, 100  # messages that are read a second and at once; a program may send one for each tick
 MAX_STREAMS = 250  # open at once
-TRY_AGAIN_LATER = 1013
 EARLY = 1e-3  # of a period: an event loop may wake so much before a time, and would send twice
 Encoding = Literal["json", "msgpack"]
 
@@ -74,7 +77,7 @@ async def stream(
     """
     streams: SnapshotStreams = socket.app.state.streams
     if streams.nb_clients >= MAX_STREAMS:
-        await socket.close(TRY_AGAIN_LATER)
+        await socket.close(CloseCode.TRY_AGAIN_LATER)
         return
     await socket.accept()
     send = socket.send_text if format == "json" else socket.send_bytes

@@ -7,12 +7,14 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
+from websockets.frames import CloseCode
 
+from app.http.live_json import live_json, past_json
 from app.http.refusals import field_errors, summary
-from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody, live_json, past_json
+from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody
 from app.http.turns import ReadBudget
+from app.live.messages import NoResponseError
 from app.live.past import PastTicks
-from app.live.runner import NoResponseError
 from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer, Past
 from app.routes.live_robot import REFUSALS
 from app.routes.past_run import RunTicks
@@ -23,7 +25,6 @@ from walkcore.values import MAX_TICK
 
 MAX_MESSAGE = 200  # characters
 MAX_RATE, BURST = 60.0, 20  # messages that are read a second, and at once
-TRY_AGAIN_LATER = 1013
 REST = 0.25  # [s] without another tick, after which footsteps and plots are drawn anew
 PLOTTED, NB_POINTS = 8.0, 100  # [s] before a tick that are drawn, and by how many snapshots
 
@@ -94,7 +95,7 @@ async def look(
                 if remembering is not None:
                     remembering.cancel()
     except TooManyLooksError as refusal:
-        await socket.close(TRY_AGAIN_LATER, str(refusal))
+        await socket.close(CloseCode.TRY_AGAIN_LATER, str(refusal))
     except WebSocketDisconnect:
         return
 

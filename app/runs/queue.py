@@ -10,7 +10,6 @@ from typing import Any, Protocol
 from app.jobs import Job, JobProcess, ProcessDiedError
 from app.runs.run import NoRecordingError, RunsUnavailableError
 from app.runs.run_jobs import convert
-from app.runs.store import RETRY_AFTER
 from walkcore import WalkError
 
 logger = logging.getLogger(__name__)
@@ -190,7 +189,7 @@ class Converter:
             RunsUnavailableError: if too many others wait.
         """
         if not self._places.acquire(blocking=False):
-            raise RunsUnavailableError(f"{MAX_CONVERSIONS} files are being made already", RETRY_AFTER)
+            raise RunsUnavailableError(f"{MAX_CONVERSIONS} files are being made already")
         try:
             with self._turn:
                 if not (folder / file).is_file() and not self._is_stopping:
@@ -209,7 +208,7 @@ class Converter:
         try:
             self._process = JobProcess(NICENESS)
         except OSError as error:
-            raise RunsUnavailableError(f"no process can be started: {error}", RETRY_AFTER) from error
+            raise RunsUnavailableError(f"no process can be started: {error}") from error
         error = self._process.run(partial(convert, folder, ending)).exception()
         self._process.kill()
         self._process = None

@@ -23,12 +23,13 @@ class NoRecordingError(Exception):
 
 
 class RunsUnavailableError(Exception):
-    """No run can be taken in now; carries when to try again."""
+    """No run can be taken in, handed out or removed now; the message says when to try again."""
 
-    def __init__(self, reason: str, retry_after: int) -> None:
-        super().__init__(f"{reason}; try again in {retry_after} s")
-        self.retry_after = retry_after
-        """Time to wait [s]."""
+    RETRY_AFTER = 10
+    """Time to wait [s]."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"{reason}; try again in {self.RETRY_AFTER} s")
 
 
 @dataclass(frozen=True, slots=True)

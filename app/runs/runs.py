@@ -14,7 +14,7 @@ from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.queue import Converter, RunQueue
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
 from app.runs.session_keeper import SessionKeeper
-from app.runs.store import RETRY_AFTER, DataInUseError, RunStore
+from app.runs.store import DataInUseError, RunStore
 from walkcore import Robot
 from walkcore.scenario.recording import Recording
 
@@ -97,7 +97,7 @@ class Runs:
         admitted = admitted_scenario(scenario, self.limits, self._choices)
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
-                raise RunsUnavailableError(f"{self._nb_queued} runs wait already", RETRY_AFTER)
+                raise RunsUnavailableError(f"{self._nb_queued} runs wait already")
             try:
                 return self._store.add(admitted.source, admitted.robot.name, admitted.duration)
             finally:
@@ -120,7 +120,7 @@ class Runs:
             self._store.finish(run.id, real_time_factor)
         except OSError as error:
             self._store.fail(run.id, f"could not be kept: {error}")
-            raise RunsUnavailableError(f"the run cannot be kept: {error}", RETRY_AFTER) from error
+            raise RunsUnavailableError(f"the run cannot be kept: {error}") from error
         except BaseException as error:
             self._store.fail(run.id, f"could not be kept: {error}")
             raise

@@ -20,7 +20,6 @@ from walkcore import Robot
 
 NICENESS = 5  # of 19: a person waits for it, but the live walk goes before
 MAX_SAVES = 4  # sessions that may be under way: each has its file
-RETRY_AFTER = 10  # [s]
 SEGMENTS = "segments"  # file of a session that is being written
 
 
@@ -65,7 +64,7 @@ class SessionKeeper:
             RunsUnavailableError: if there is none.
         """
         if not self._places.acquire(blocking=False):
-            raise RunsUnavailableError(f"{MAX_SAVES} walks are being saved already", RETRY_AFTER)
+            raise RunsUnavailableError(f"{MAX_SAVES} walks are being saved already")
         try:
             yield
         finally:
@@ -88,7 +87,7 @@ class SessionKeeper:
             write_segments(segments, draft / SEGMENTS)
             with self._turn:
                 if self._is_stopping:
-                    raise RunsUnavailableError("the server stops", RETRY_AFTER)
+                    raise RunsUnavailableError("the server stops")
                 scenario, duration = self._write(WriteSession(draft / SEGMENTS, name, robot, draft))
             run = self._store.add(scenario, robot.name, duration, status="running")
             draft.replace(self._store.unfinished(run.id))  # which is empty
@@ -97,7 +96,7 @@ class SessionKeeper:
         except OSError as error:
             if run is not None:  # in the list already
                 self._store.fail(run.id, f"could not be kept: {error}")
-            raise RunsUnavailableError(f"the walk cannot be kept: {error}", RETRY_AFTER) from error
+            raise RunsUnavailableError(f"the walk cannot be kept: {error}") from error
         finally:
             self._store.discard(draft_id)
 

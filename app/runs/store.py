@@ -30,7 +30,6 @@ from app.runs.run_jobs import Simulate, SimulationResult
 
 logger = logging.getLogger(__name__)
 
-RETRY_AFTER = 10  # [s]
 RESERVE = 1_000_000  # bytes that stay free for rows, beside the files of a run
 
 
@@ -114,7 +113,7 @@ class RunStore:
             self._put(run)
             if run.id in self._unwritten:
                 del self._unwritten[run.id], self._runs[run.id]
-                raise RunsUnavailableError(f"the run cannot be kept: {self._error}", RETRY_AFTER)
+                raise RunsUnavailableError(f"the run cannot be kept: {self._error}")
             return run
 
     def get(self, run_id: str) -> Run:
@@ -228,7 +227,7 @@ class RunStore:
             try:
                 (self._done / run_id / "run.json").unlink(missing_ok=True)
             except OSError as error:
-                raise RunsUnavailableError(f"the files of the run cannot be removed: {error}", RETRY_AFTER) from error
+                raise RunsUnavailableError(f"the files of the run cannot be removed: {error}") from error
             shutil.rmtree(self._done / run_id, ignore_errors=True)
             self._runs.pop(run_id, None)
             self._unwritten[run_id] = None

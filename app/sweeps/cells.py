@@ -9,7 +9,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from walkcore.analysis.sweep import CellOutcome, Sweep, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 from walkcore.errors import InvalidValueError
 
 TABLE, INFO, PARTS = "cells.parquet", "sweep.json", "parts"

@@ -7,7 +7,8 @@ from math import degrees
 import numpy as np
 
 from app.sweeps.summary import walk_names
-from walkcore.analysis.sweep import CellOutcome, Sweep
+from walkcore.analysis.cell_outcome import CellOutcome
+from walkcore.analysis.sweep import Sweep
 from walkcore.errors import InvalidValueError
 
 NB_EXTREMES = 5  # cells that changed most, told one by one on each side

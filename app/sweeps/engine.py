@@ -21,7 +21,8 @@ import numpy as np
 
 from app.settings import usable_cores
 from app.sweeps.cells import CellStore
-from walkcore.analysis.sweep import CellOutcome, Sweep, cell_bound, nominal_walk, outcome, sweep_from_mapping
+from walkcore.analysis.cell_outcome import CellOutcome, cell_bound, nominal_walk, outcome
+from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 from walkcore.command import Push
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import package_versions
@@ -141,7 +142,7 @@ def _run_length(missing: list[int], at: int, most: int) -> int:
 
 
 @contextmanager
-def _workers(nb_workers: int | None, scheduler: str | None, timeout: float = CONNECTION_TIMEOUT) -> Iterator[int]:
+def _workers(nb_workers: int | None, scheduler: str | None) -> Iterator[int]:
     """The workers that joblib takes inside of this context, and their number."""
     if scheduler is None:
         nb = nb_workers or usable_cores()
@@ -153,7 +154,7 @@ def _workers(nb_workers: int | None, scheduler: str | None, timeout: float = CON
     except ImportError as error:
         raise InvalidValueError("scheduler", scheduler, "needs Dask: pip install 'walk[cluster]'") from error
     try:
-        client = Client(scheduler, timeout=timeout)
+        client = Client(scheduler, timeout=CONNECTION_TIMEOUT)
     except (OSError, ValueError) as error:
         raise InvalidValueError("scheduler", scheduler, f"no Dask scheduler answers there: {error}") from error
     with client:

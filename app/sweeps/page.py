@@ -10,8 +10,9 @@ from app.formats import FORMATS
 from app.report.pages import embedded_figure
 from app.sweeps.cells import write_whole
 from app.sweeps.summary import WalkCells, summary_rows
+from walkcore.analysis.cell_outcome import CellOutcome, nominal_walk, replay
 from walkcore.analysis.survival import OBSERVED
-from walkcore.analysis.sweep import CellOutcome, Sweep, nominal_walk, replay
+from walkcore.analysis.sweep import Sweep
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping

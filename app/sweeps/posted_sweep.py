@@ -21,7 +21,6 @@ from uuid import uuid4
 
 from app.jobs import Report
 from app.runs.run import ENDED, RunStatus, RunsUnavailableError, UnknownRunError
-from app.runs.store import RETRY_AFTER
 from app.sweeps.cells import CellStore, read_json, write_whole
 from app.sweeps.engine import run_sweep, sweep_versions
 from app.sweeps.results import write_results
@@ -115,7 +114,7 @@ class PostedSweepStore:
                 self._write(sweep)
             except OSError as error:
                 shutil.rmtree(self._folder / sweep.id, ignore_errors=True)
-                raise RunsUnavailableError(f"the sweep cannot be kept: {error}", RETRY_AFTER) from error
+                raise RunsUnavailableError(f"the sweep cannot be kept: {error}") from error
             self._sweeps[sweep.id] = sweep
         return sweep
 
@@ -193,7 +192,7 @@ class PostedSweepStore:
             try:
                 (self._folder / sweep_id / STATE).unlink(missing_ok=True)
             except OSError as error:
-                raise RunsUnavailableError(f"the sweep cannot be removed: {error}", RETRY_AFTER) from error
+                raise RunsUnavailableError(f"the sweep cannot be removed: {error}") from error
             shutil.rmtree(self._folder / sweep_id, ignore_errors=True)
             self._sweeps.pop(sweep_id, None)
 

@@ -10,7 +10,6 @@ from typing import Any
 from app.robot_choices import RobotChoices
 from app.runs.queue import RunQueue
 from app.runs.run import NoRecordingError, RunsUnavailableError
-from app.runs.store import RETRY_AFTER
 from app.sweeps.engine import SweepProgress
 from app.sweeps.posted_sweep import PostedSweep, PostedSweepStore
 from walkcore.analysis.survival import OBSERVED, STEADY
@@ -68,7 +67,7 @@ class PostedSweeps:
         sweep = admitted_sweep(data, self.limits, self._choices)
         with self._admission:
             if self._store.nb_queued() >= self.limits.queued:
-                raise RunsUnavailableError(f"{self.limits.queued} sweeps wait already", RETRY_AFTER)
+                raise RunsUnavailableError(f"{self.limits.queued} sweeps wait already")
             added = self._store.add(sweep.source, sweep.nb_cells)
         self._queue.wake()
         return added

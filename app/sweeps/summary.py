@@ -11,7 +11,8 @@ import numpy as np
 
 from app.settings import usable_cores
 from app.sweeps.cells import INFO, read_json, write_whole
-from walkcore.analysis.sweep import CellOutcome, Sweep
+from walkcore.analysis.cell_outcome import CellOutcome
+from walkcore.analysis.sweep import Sweep
 from walkcore.scenario.scenario import Scenario
 from walkcore.values import Matrix
 

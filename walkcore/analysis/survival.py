@@ -185,7 +185,7 @@ class NominalWalk:
         A robot that has recovered, and has walked one more step by the paper's QP, converges to its steady walk: each
         step leaves less than half of the distance. With fixed step timing a DCM that no step can catch is out of reach
         of a QP for good, since no later step comes sooner; a method without a QP is followed to the fall.
-        `survives_to_the_end` decides the same; a test compares them.
+        Waiting for the end of `after` decides the same; a test compares them.
 
         Args:
             phase: of the step, in [0, 1).
@@ -194,30 +194,30 @@ class NominalWalk:
         """
         recovered_for = lost_for = 0
         lost_ticks = round(LOST_FOR / self.parameters.control_period)
-        for now, monitor in self._after(phase, push, seed):
+        for now, monitor in self.after(phase, push, seed):
             if now.status is Status.FALLEN:
                 return False
             assert now.plan is not None
             lost_for = lost_for + 1 if self._is_loss_final and not now.plan.is_capturable else 0
             if lost_for > lost_ticks:
                 return False
-            has_recovered = _has_recovered(monitor) and now.status is Status.SOLVED
+            outcome = monitor.last
+            has_recovered = outcome is not None and outcome.survived is True and now.status is Status.SOLVED
             recovered_for = recovered_for + 1 if has_recovered else 0
             if recovered_for > self._step_ticks:
                 return True
         return recovered_for > 0
 
-    def survives_to_the_end(self, phase: float, push: Push, seed: int | None = None) -> bool:
-        """The same as `survives`, after all of the time for which the robot has to stay on its feet."""
-        has_recovered = False
-        for now, monitor in self._after(phase, push, seed):
-            if now.status is Status.FALLEN:
-                return False
-            has_recovered = _has_recovered(monitor)
-        return has_recovered
+    def after(
+        self, phase: float, push: Push, seed: int | None = None
+    ) -> Iterator[tuple[Snapshot, PushRecoveryMonitor]]:
+        """The ticks from a push on for which the robot has to stay on its feet, with the judge of the recovery.
 
-    def _after(self, phase: float, push: Push, seed: int | None) -> Iterator[tuple[Snapshot, PushRecoveryMonitor]]:
-        """The ticks from the push on, with the judge of the recovery."""
+        Args:
+            phase: of the step, in [0, 1).
+            push: that begins then.
+            seed: as of `survives`.
+        """
         point, simulation = self.branch_point(phase), self._with_seed(seed)
         monitor = deepcopy(point.monitor)
         simulation.restore(point.state)
@@ -252,7 +252,3 @@ def _begins(before: Snapshot | None, now: Snapshot) -> bool:
         return True
     has_landed = before is not None and before.phase is Phase.SINGLE_SUPPORT and now.phase is Phase.DOUBLE_SUPPORT
     return has_landed and now.support.side is Side.LEFT
-
-
-def _has_recovered(monitor: PushRecoveryMonitor) -> bool:
-    return monitor.last is not None and monitor.last.survived is True

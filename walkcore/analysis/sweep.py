@@ -2,31 +2,34 @@
 
 A sweep is read from YAML or its JSON equivalent. Every combination of its robots, parameters and references is a walk;
 a cell is a walk with one direction and one phase. Cells are counted in the order of the file, the phase running
-fastest, and each is decided by itself: its outcome depends neither on the other cells nor on who computes it.
+fastest. `cell_outcome` decides them.
 """
 
-import hashlib
-import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from walkcore.analysis.survival import OBSERVED, ImpulseScan, NominalWalk, survived_impulses
-from walkcore.command import Push
-from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore.analysis.survival import OBSERVED, ImpulseScan
+from walkcore.errors import InvalidValueError
+from walkcore.named_files import named_file, shipped_files
 from walkcore.plain_yaml import load_yaml
-from walkcore.plant.world import MAX_SEED
 from walkcore.robot_file import DEFAULT_ROBOT
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
-from walkcore.values import Vector, check_keys, check_list, check_mapping, check_range, check_text, check_whole
+from walkcore.values import (
+    Vector,
+    check_flag,
+    check_keys,
+    check_list,
+    check_mapping,
+    check_range,
+    check_text,
+    check_whole,
+)
 
-SWEEPS = files("walkcore") / "sweeps"
 KEYS = ("name", "description", "robots", "parameters", "references", "pushes", "seeds", "world", "body")
 PUSH_KEYS = ("directions", "phases", "duration", "max_impulse", "coarse", "tolerance")
 MAX_WALKS = 2000
@@ -37,7 +40,6 @@ MAX_SEEDS = 1000
 MAX_TRIES = 10_000  # impulses of a scan, and bisections of one of its intervals
 NB_COARSE = 8  # intervals of a scan that is given no width of them
 LONGEST = 3600.0  # [s] of a walk, as of any scenario
-WILSON_Z = 1.959963984540054  # of the 95 % interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,22 +72,6 @@ class Cell:
     def unit_vector(self) -> Vector:
         """Direction of the push in the heading frame, shape (2,)."""
         return np.array([math.cos(self.direction), math.sin(self.direction)])
-
-
-@dataclass(frozen=True, slots=True)
-class CellOutcome:
-    """The impulses that are survived in a cell."""
-
-    largest_impulse: float | None
-    """Survived with all smaller ones that were tried [N s]; None where the robot falls without any push."""
-    delta_v: float | None
-    """Velocity that this impulse gives to the robot's mass [m/s]."""
-    islands: tuple[tuple[float, float], ...] = ()
-    """Further intervals that are survived [N s]."""
-    success_low: float | None = None
-    """Least share of seeds that survive the largest impulse, by Wilson's interval; None with a single seed."""
-    success_high: float | None = None
-    """Largest share of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +113,7 @@ class Sweep:
 
 def sweep_names() -> list[str]:
     """Names of the sweeps that ship."""
-    return sorted(Path(str(entry)).stem for entry in SWEEPS.iterdir() if str(entry).endswith(".yaml"))
+    return list(shipped_files("sweeps"))
 
 
 def load_sweep(name_or_path: str | Path) -> Sweep:
@@ -137,12 +123,7 @@ def load_sweep(name_or_path: str | Path) -> Sweep:
         UnknownNameError: if there is neither a file nor a shipped sweep of that name.
         InvalidValueError: if the file does not describe a sweep.
     """
-    path = Path(name_or_path)
-    if str(name_or_path) in sweep_names():
-        return sweep_from_mapping(load_yaml(SWEEPS / f"{name_or_path}.yaml", "sweep"))
-    if path.is_file():
-        return sweep_from_mapping(load_yaml(path, "sweep"))
-    raise UnknownNameError("sweep", str(name_or_path), sweep_names())
+    return sweep_from_mapping(load_yaml(named_file("sweep", name_or_path, shipped_files("sweeps")), "sweep"))
 
 
 def sweep_from_mapping(data: Any) -> Sweep:
@@ -156,9 +137,6 @@ def sweep_from_mapping(data: Any) -> Sweep:
     check_keys("sweep", values, set(KEYS))
     for key in ("name", "description"):
         check_text(key, values.get(key, ""))
-    has_body = values.get("body", False)
-    if not isinstance(has_body, bool):
-        raise InvalidValueError("body", has_body, "must be true or false")
     pushes = _pushes(values.get("pushes"))
     walks = _walks(values, pushes)
     nb_cells = len(walks) * pushes.directions * pushes.phases
@@ -170,7 +148,7 @@ def sweep_from_mapping(data: Any) -> Sweep:
         walks=walks,
         pushes=pushes,
         seeds=_seeds(values.get("seeds", 1), walks),
-        has_body=has_body,
+        has_body=check_flag("body", values.get("body", False)),
         source=values,
     )
 
@@ -246,7 +224,7 @@ def _walk(
 
 def _seeds(data: Any, walks: tuple[Scenario, ...]) -> int:
     seeds = check_whole("seeds", data, 1, MAX_SEEDS)
-    if seeds > 1 and not all(_is_noisy(walk) for walk in walks):
+    if seeds > 1 and not all(is_noisy(walk) for walk in walks):
         limit = (
             "must be 1 where nothing is random: it needs plant: mujoco in all parameters and world: {sensors: noisy}"
         )
@@ -254,109 +232,6 @@ def _seeds(data: Any, walks: tuple[Scenario, ...]) -> int:
     return seeds
 
 
-def _is_noisy(walk: Scenario) -> bool:
+def is_noisy(walk: Scenario) -> bool:
+    """Whether something of a walk is random."""
     return walk.parameters.plant != "ideal" and walk.world.sensors == "noisy"
-
-
-def outcome(sweep: Sweep, cell: Cell) -> CellOutcome:
-    """Outcome of a cell: the impulses that are survived, a function of the sweep and the cell alone."""
-    walk = nominal_walk(sweep, cell.walk)
-    if walk.has_fallen:
-        return CellOutcome(None, None)
-    nb_survived: dict[float, int] = {}
-    seeds = list(cell_seeds(sweep, cell))
-
-    def survives(impulse: float) -> bool:
-        push = Push(impulse * cell.unit_vector, sweep.pushes.duration)
-        nb_survived[impulse] = sum(walk.survives(cell.phase, push, seed) for seed in seeds)
-        return 2 * nb_survived[impulse] >= len(seeds)  # with one seed: that one
-
-    survived = survived_impulses(survives, sweep.pushes.scan)
-    low = high = None
-    if len(seeds) > 1 and survived.largest in nb_survived:
-        low, high = wilson_interval(nb_survived[survived.largest], len(seeds))
-    return CellOutcome(survived.largest, survived.largest / walk.robot.mass, survived.islands, low, high)
-
-
-def cell_bound(sweep: Sweep, cell: Cell) -> float:
-    """The largest impulse that any controller of the class of `push_bound` could survive in a cell [N s]."""
-    walk = nominal_walk(sweep, cell.walk)
-    return 0.0 if walk.has_fallen else walk.bound(cell.phase, cell.unit_vector)
-
-
-def cell_seeds(sweep: Sweep, cell: Cell) -> Iterator[int | None]:
-    """Seeds of the noise in a cell, derived from what the cell is and not from where it stands; None without noise."""
-    scenario = sweep.walks[cell.walk]
-    if not _is_noisy(scenario):
-        yield None
-        return
-    what = _plain_text({"walk": scenario.source, "direction": cell.direction, "phase": cell.phase})
-    for k in range(sweep.seeds):
-        digest = hashlib.sha256(f"{what} {k}".encode()).digest()
-        yield int.from_bytes(digest[:4], "little") & MAX_SEED
-
-
-def wilson_interval(nb_successes: int, nb_trials: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a success rate.
-
-    With p the share of successes of n and z the quantile of the normal distribution:
-
-        (p + z^2/2n -+ z sqrt(p (1 - p) / n + z^2/4n^2)) / (1 + z^2/n)
-
-    Args:
-        nb_successes: of the trials.
-        nb_trials: n, at least one.
-    """
-    n, p, z = nb_trials, nb_successes / nb_trials, WILSON_Z
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def nominal_walk(sweep: Sweep, walk: int) -> NominalWalk:
-    """A walk of the sweep before any push, walked once in each process that has to do with it.
-
-    Args:
-        sweep: with the walk.
-        walk: its number.
-    """
-    return _nominal_walk(_plain_text(sweep.walks[walk].source), sweep.has_body)
-
-
-@lru_cache(maxsize=4)  # cells of a walk stand together
-def _nominal_walk(scenario: str, has_body: bool) -> NominalWalk:
-    walk = scenario_from_mapping(json.loads(scenario))
-    reference = walk.events[0].reference
-    assert reference is not None
-    return NominalWalk(walk.robot, walk.parameters, reference, walk.world, has_body=has_body)
-
-
-def replay(sweep: Sweep, cell: Cell, impulse: float) -> dict[str, Any]:
-    """The scenario, for `walk run`, that walks from rest to a cell, pushes there, and goes on until all is decided.
-
-    With noise the walk up to the push is that of the world's own seed.
-
-    Args:
-        sweep: with the cell.
-        cell: to be walked.
-        impulse: of the push [N s].
-    """
-    scenario = sweep.walks[cell.walk]
-    walk, period = nominal_walk(sweep, cell.walk), scenario.parameters.control_period
-    t = round(walk.push_tick(cell.phase) * period, 9)
-    reference, _ = scenario.source["events"]
-    degrees = round(math.degrees(cell.direction), 3)
-    push = {"impulse": (impulse * cell.unit_vector).tolist(), "duration": sweep.pushes.duration}
-    return {
-        "name": f"{sweep.name}-{cell.index}",
-        "description": f"Cell {cell.index} of the sweep {sweep.name}: {impulse:g} N s at {degrees:g} degrees,"
-        f" phase {cell.phase:g}.",
-        **{key: scenario.source[key] for key in ("robot", "parameters", "world") if key in scenario.source},
-        "duration": round(t + OBSERVED, 9),
-        "events": [reference, {"t": t, "push": push}],
-    }
-
-
-def _plain_text(values: Any) -> str:
-    """Plain values as text: the same for the same values."""
-    return json.dumps(values, sort_keys=True, separators=(",", ":"))

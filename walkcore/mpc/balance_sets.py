@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.supports import TIGHTENING, CaptureSets, capture_sets
 from walkcore.mpc.viability import Allowance, ViableSets, viable_sets
@@ -44,7 +43,7 @@ def balance_sets(robot: Robot, parameters: Parameters) -> BalanceSets:
     """
     p, margin = parameters, parameters.cop_margin
     durations = step_durations(p) if has_adaptive_steps(p) else (p.step_duration,)
-    omega = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity).omega
+    omega = robot.pendulum(p).omega
     careful, usual, utmost = Allowance(margin, TIGHTENING), Allowance(margin), Allowance(min(OVERSHOOT, margin))
     T, compared = p.double_support_duration, None
     if has_adaptive_steps(p):

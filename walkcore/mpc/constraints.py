@@ -39,7 +39,7 @@ def constrained_points(preview: Preview) -> AffineMap:
 
 
 def polygon_of_point(preview: Preview) -> NDArray[np.int64]:
-    """Number of the polygon of each constrained point, in the order of `Supports.polygons`."""
+    """Number of the polygon of each constrained point, in the order of `Supports.edges`."""
     m, beyond = preview.layout.nb_free_footholds, preview.stances.nb_stances
     return np.concatenate([preview.stances.stance_of_sample, np.arange(beyond, beyond + m + min(m, 1))])
 
@@ -81,10 +81,10 @@ class Constraints:
             inputs: k, shape (6 + m + N, 2).
         """
         normals = edges.normals.take(self._edge, axis=0)
-        known = np.vecdot(normals, self._K @ inputs)
+        offsets = np.vecdot(normals, self._K @ inputs)
         n = self._D.shape[1]
-        G = np.empty((len(known), 2 * n), order="F")  # as a solver likes it
+        G = np.empty((len(offsets), 2 * n), order="F")  # as a solver likes it
         np.multiply(normals[:, :1], self._D, out=G[:, :n])
         np.multiply(normals[:, 1:], self._D, out=G[:, n:])
         lower, upper = edges.lower.take(self._edge), edges.upper.take(self._edge)
-        return ConstraintRows(G, lower - known, upper - known, normals)
+        return ConstraintRows(G, lower - offsets, upper - offsets, normals)

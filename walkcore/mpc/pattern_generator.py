@@ -48,7 +48,7 @@ class PatternGenerator:
         """
         p = self._parameters = parameters
         self._robot, self._stages = robot, stages
-        self.pendulum = Pendulum(robot.com_height if p.com_height is None else p.com_height, p.gravity)
+        self.pendulum = robot.pendulum(p)
         self.sets = balance_sets(robot, p) if sets is None else sets
         self.geometry = SupportGeometry(robot, p, self.sets.capture)
         """Polygons of the robot, put where the feet are."""

@@ -42,7 +42,8 @@ class HalfPlanes:
         """
         lower, upper = self.lower + margin, self.upper - margin
         if np.any(lower > upper):
-            raise EmptyRegionError(f"a margin of {margin} m leaves nothing of a polygon {np.min(self.widths)} m wide")
+            width = np.min(self.upper - self.lower)
+            raise EmptyRegionError(f"a margin of {margin} m leaves nothing of a polygon {width} m wide")
         return HalfPlanes(self.normals, lower, upper)
 
     def rotated(self, yaw: float) -> "HalfPlanes":
@@ -52,11 +53,6 @@ class HalfPlanes:
             yaw: counter-clockwise [rad].
         """
         return _rotated(self, yaw)
-
-    @property
-    def widths(self) -> Vector:
-        """Distances between opposite edges [m], shape (E,)."""
-        return self.upper - self.lower
 
     def fraction_inside(self, start: Vector, move: Vector) -> float:
         """Fraction of a move from a point inside that stays inside, in [0, 1].

@@ -17,7 +17,7 @@ from walkcore.plant.stabilizer import PlanarTransform
 from walkcore.plant.world import World
 from walkcore.robot import Robot
 from walkcore.stages import Stages
-from walkcore.values import Vector
+from walkcore.values import Vector, check_choice
 
 
 class BodyDriver:
@@ -93,8 +93,8 @@ class BodyDriver:
         Raises:
             InvalidValueError: naming the links.
         """
-        if link and link not in self._body.joint_names:
-            raise InvalidValueError("push.link", link, f"must be one of {', '.join(self._body.joint_names)}")
+        if link:
+            check_choice("push.link", link, self._body.joint_names)
 
     def saturated(self, torques: Vector) -> bool:
         """Whether a joint gives all the torque that it has [N m], shape (nv - 6,)."""

@@ -15,7 +15,9 @@ from walkcore.values import (
     FARTHEST,
     MAX_TICK,
     Vector,
+    check_choice,
     check_complete,
+    check_flag,
     check_list,
     check_range,
     check_text,
@@ -86,8 +88,6 @@ def driver_state_from_mapping(where: str, values: Mapping[str, Any], robot: Robo
         return DriverState(q, q_before)
     where = f"{where}.plant"
     plant = check_complete(where, values["plant"], PLANT_KEYS)
-    if not isinstance(plant["is_limp"], bool):
-        raise InvalidValueError(f"{where}.is_limp", plant["is_limp"], "must be true or false")
     numbers = check_list(f"{where}.numbers", plant["numbers"], MAX_PLANT_NUMBERS)
     standing = check_list(f"{where}.standing", plant["standing"], 2)
     estimate = check_vector(f"{where}.estimate", plant["estimate"], 4, -1e3, 1e3)
@@ -95,10 +95,12 @@ def driver_state_from_mapping(where: str, values: Mapping[str, Any], robot: Robo
     return DriverState(
         q,
         q_before,
-        PlantState(check_vector(f"{where}.numbers", numbers, len(numbers)), plant["is_limp"]),
+        PlantState(
+            check_vector(f"{where}.numbers", numbers, len(numbers)), check_flag(f"{where}.is_limp", plant["is_limp"])
+        ),
         SensorState(
             Estimate(
-                tuple(_side(f"{where}.standing[{i}]", name) for i, name in enumerate(standing)),
+                tuple(side_from_name(f"{where}.standing[{i}]", name) for i, name in enumerate(standing)),
                 estimate[:2],
                 estimate[2:],
             ),
@@ -113,10 +115,8 @@ def _signs(where: str, plant: Mapping[str, Any]) -> FallSigns:
     for i, item in enumerate(check_list(f"{where}.signs", plant["signs"], len(SIGNS))):
         place = f"{where}.signs[{i}]"
         sign = check_complete(place, item, ("name", "first", "last"))
-        if sign["name"] not in SIGNS:
-            raise InvalidValueError(f"{place}.name", sign["name"], f"must be one of {', '.join(SIGNS)}")
         first, last = (check_whole(f"{place}.{name}", sign[name], 0, MAX_TICK) for name in ("first", "last"))
-        signs.append(Sign(sign["name"], first, last))
+        signs.append(Sign(check_choice(f"{place}.name", sign["name"], SIGNS), first, last))
     if plant["last_push"] is None:
         return FallSigns(tuple(signs))
     place = f"{where}.last_push"
@@ -127,11 +127,13 @@ def _signs(where: str, plant: Mapping[str, Any]) -> FallSigns:
     return FallSigns(tuple(signs), last)
 
 
-def _side(where: str, value: Any) -> Side:
-    names = [side.name.lower() for side in Side]
-    if value not in names:
-        raise InvalidValueError(where, value, f"must be one of {', '.join(names)}")
-    return Side[str(value).upper()]
+def side_from_name(where: str, value: Any) -> Side:
+    """The side that a plain value names.
+
+    Raises:
+        InvalidValueError: if it names none.
+    """
+    return Side[check_choice(where, value, [side.name.lower() for side in Side]).upper()]
 
 
 def _configuration(where: str, data: Any, robot: Robot) -> Vector | None:

@@ -10,8 +10,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
-from walkcore.errors import InvalidValueError
-from walkcore.values import check_keys, check_range, check_whole
+from walkcore.values import check_choice, check_keys, check_range, check_whole
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -54,8 +53,7 @@ class World:
     def __post_init__(self) -> None:
         for name, (low, high) in LIMITS.items():
             object.__setattr__(self, name, check_range(f"world.{name}", getattr(self, name), low, high))
-        if self.sensors not in SENSORS:
-            raise InvalidValueError("world.sensors", self.sensors, f"must be one of {', '.join(SENSORS)}")
+        check_choice("world.sensors", self.sensors, SENSORS)
         check_whole("world.seed", self.seed, 0, MAX_SEED)
 
     @classmethod

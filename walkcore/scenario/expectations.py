@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from walkcore.errors import InvalidValueError
-from walkcore.values import check_mapping, check_range
+from walkcore.values import check_flag, check_mapping, check_range
 
 METRICS: Mapping[str, str] = MappingProxyType(
     {
@@ -94,7 +94,6 @@ def expectations_from_mapping(data: Any) -> tuple[Expectation, ...]:
         if name not in expectation_names():
             limit = f"unknown; not_fallen, or max_ or min_ and one of {', '.join(METRICS)}"
             raise InvalidValueError(f"expect.{name}", bound, limit)
-        if name == "not_fallen" and not isinstance(bound, bool):
-            raise InvalidValueError("expect.not_fallen", bound, "must be true or false")
-        expectations.append(Expectation(name, bound if name == "not_fallen" else check_range(f"expect.{name}", bound)))
+        check = check_flag if name == "not_fallen" else check_range
+        expectations.append(Expectation(name, check(f"expect.{name}", bound)))
     return tuple(expectations)

@@ -7,18 +7,17 @@ that whose expectations all hold for the metrics of the walks.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, cast
 
-from walkcore.errors import InvalidValueError, UnknownNameError, WalkError
+from walkcore.errors import InvalidValueError, WalkError
+from walkcore.named_files import named_file, shipped_files
 from walkcore.plain_yaml import parse_yaml
 from walkcore.scenario.expectations import METRICS, Expectation, Verdict, expectations_from_mapping
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
-from walkcore.values import check_keys, check_mapping, check_text
+from walkcore.values import check_choice, check_keys, check_mapping, check_text
 
-LESSONS = files("walkcore") / "lessons"
 MAX_BYTES = 50_000  # of a file
 MAX_WALKS, MAX_CHOICES = 4, 6
 FENCE = "---"
@@ -79,10 +78,10 @@ def lesson_files(folder: Path | None = None) -> dict[str, Traversable]:
     Args:
         folder: of further lessons, one of which takes the place of a shipped one of its name.
     """
-    found: dict[str, Traversable] = {entry.name: entry for entry in LESSONS.iterdir()}
+    found = shipped_files("lessons")
     if folder is not None:
-        found |= {path.name: path for path in folder.expanduser().iterdir()}
-    return {name.removesuffix(".md"): found[name] for name in sorted(found) if name.endswith(".md")}
+        found |= {path.stem: path for path in folder.expanduser().iterdir() if path.suffix == ".md"}
+    return dict(sorted(found.items()))
 
 
 def load_lesson(name_or_path: str | Path) -> Lesson:
@@ -93,12 +92,8 @@ def load_lesson(name_or_path: str | Path) -> Lesson:
         InvalidValueError: if the file does not describe a lesson.
         OSError: if it cannot be read.
     """
-    path, shipped = Path(name_or_path), lesson_files()
-    if str(name_or_path) in shipped:
-        return read_lesson(str(name_or_path), shipped[str(name_or_path)])
-    if not path.is_file():
-        raise UnknownNameError("lesson", str(name_or_path), shipped)
-    return read_lesson(path.stem, path)
+    file = named_file("lesson", name_or_path, lesson_files())
+    return read_lesson(Path(str(file)).stem, file)
 
 
 def read_lesson(name: str, file: Traversable) -> Lesson:
@@ -135,8 +130,6 @@ def _lesson(name: str, data: Any, before: str, after: str) -> Lesson:
     check_keys("lesson", data, KEYS)
     walks = {walk: _walk(walk, of) for walk, of in _some("walks", data, 1, MAX_WALKS).items()}
     choices = {key: _choice(key, of, set(walks)) for key, of in _some("choices", data, 2, MAX_CHOICES).items()}
-    if data.get("answer") not in tuple(choices):
-        raise InvalidValueError("answer", data.get("answer"), f"must be one of {', '.join(choices)}")
     return Lesson(
         name=name,
         title=_text("title", data.get("title")),
@@ -145,7 +138,7 @@ def _lesson(name: str, data: Any, before: str, after: str) -> Lesson:
         after=after,
         walks=walks,
         choices=choices,
-        answer=data["answer"],
+        answer=check_choice("answer", data.get("answer"), choices),
         show=_metrics(data.get("show") or []),
     )
 

@@ -181,7 +181,7 @@ def parameters_in_force(robot: Robot, parameters: Parameters) -> dict[str, Any]:
     return parameters.to_mapping() | {
         "robot": robot.name,
         "mass": robot.mass,
-        "com_height": robot.com_height if parameters.com_height is None else parameters.com_height,
+        "com_height": robot.pendulum(parameters).height,
         "stance_width": robot.stance_width,
         "sole": {
             "polygon": robot.sole.tolist(),

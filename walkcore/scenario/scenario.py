@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
 
 from walkcore.command import Command, Push, Reference
-from walkcore.errors import EmptyRegionError, InvalidValueError, UnknownNameError
+from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.mpc.regions import inset_vertices
+from walkcore.named_files import named_file, shipped_files
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
 from walkcore.plant.world import PERFECT, World
@@ -19,7 +19,6 @@ from walkcore.scenario.expectations import Expectation, expectations_from_mappin
 from walkcore.state import SimulationState, state_from_mapping
 from walkcore.values import check_keys, check_mapping, check_range, check_text, check_whole
 
-SCENARIOS = files("walkcore") / "scenarios"
 MAX_DURATION = 3600.0  # [s]
 MAX_SOLVES = 1000  # of one tick: there are fewer than ten
 MAX_EVENTS = 20_000  # more than a minute of live walking has ticks
@@ -93,7 +92,7 @@ class Scenario:
 
 def scenario_names() -> list[str]:
     """Names of the scenarios that ship."""
-    return sorted(Path(str(entry)).stem for entry in SCENARIOS.iterdir() if str(entry).endswith(".yaml"))
+    return list(shipped_files("scenarios"))
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
@@ -103,13 +102,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         UnknownNameError: if there is neither a file nor a shipped scenario of that name.
         InvalidValueError: if the file does not describe a scenario.
     """
-    path = Path(name_or_path)
-    if str(name_or_path) in scenario_names():
-        file = SCENARIOS / f"{name_or_path}.yaml"
-    elif path.is_file():
-        file = path
-    else:
-        raise UnknownNameError("scenario", str(name_or_path), scenario_names())
+    file = named_file("scenario", name_or_path, shipped_files("scenarios"))
     return scenario_from_mapping(load_yaml(file, "scenario"))
 
 

@@ -1,6 +1,5 @@
 """Parameters of the method, changed while the robot walks; a refusal is shown to the client that made the request."""
 
-from concurrent.futures import TimeoutError
 from functools import partial
 from html import escape
 from typing import Any
@@ -8,8 +7,9 @@ from typing import Any
 import viser
 
 from app.descriptions import descriptions
-from app.live.runner import NoResponseError, Runner
-from walkcore import Parameters, WalkError
+from app.live.runner import Runner
+from app.viewer.panel.changes import is_made, number_text, range_hint, refuse
+from walkcore import Parameters
 from walkcore.mpc.qp import SOLVERS
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.parameters import FIXED, LIMITS
@@ -33,7 +33,6 @@ NUMBERS = {name: SYMBOLS.get(name, name) for name in LIMITS if name not in (*FIX
 SWITCHES = {"stepping_in_place": "step in place", "dynamic_filter": "dynamic filter"}
 MEANINGS = '<dl style="font-size:.76em;line-height:1.45;margin:.4em .9em 1em">{}</dl>'
 ROW = '<dt style="font-weight:600">{}</dt><dd style="margin:0 0 .4em;opacity:.75">{}</dd>'
-NOTICE = 8.0  # [s] for which a refusal is shown
 TIMEOUT = 2.0  # [s] for the control process to respond
 
 
@@ -50,7 +49,7 @@ class MethodTab:
         """Choice of the scheme, by its name and label."""
         with gui.add_form(None) as form:  # else every key that is typed would change the walk
             self.numbers = {
-                name: gui.add_text(label, _text(getattr(now, name)), hint=f"{hints[name]} {_range(name)}")
+                name: gui.add_text(label, number_text(getattr(now, name)), hint=range_hint(hints[name], LIMITS[name]))
                 for name, label in NUMBERS.items()
             }
             """Text fields by the names of their parameters."""
@@ -79,9 +78,10 @@ class MethodTab:
             try:
                 value = type(current)(typed)
             except ValueError:
-                self._refuse(event.client, f"{label}: {typed!r} is not a number")
+                refuse(event.client, f"{label}: {typed!r} is not a number")
+                self._show(self._runner.parameters)
                 return
-            if _text(value) != _text(current):
+            if number_text(value) != number_text(current):
                 values[name] = value
         if values:
             self._change(event.client, values)
@@ -113,14 +113,8 @@ class MethodTab:
             self._change(event.client, self._defaults.to_mapping())
 
     def _change(self, client: viser.ClientHandle, values: dict[str, Any]) -> None:
-        try:
-            self._runner.change(values).result(timeout=TIMEOUT)
-        except (WalkError, NoResponseError, TimeoutError) as refusal:
-            self._refuse(client, str(refusal) or "the control process does not respond")
-
-    def _refuse(self, client: viser.ClientHandle, reason: str) -> None:
-        client.add_notification("Not changed", reason, color="red", auto_close_seconds=NOTICE)
-        self._show(self._runner.parameters)
+        if not is_made(client, self._runner.change(values), TIMEOUT):
+            self._show(self._runner.parameters)
 
     def update(self) -> None:
         """Show the parameters in force, whoever changed them."""
@@ -132,22 +126,13 @@ class MethodTab:
         self.scheme.value = _label(parameters.scheme)
         self.solver.value = parameters.solver
         for name, handle in self.numbers.items():
-            handle.value = _text(getattr(parameters, name))
+            handle.value = number_text(getattr(parameters, name))
         for name, handle in self._switches.items():
             handle.value = getattr(parameters, name)
 
 
 def _label(scheme: str) -> str:
     return f"{scheme}: {SCHEMES[scheme].label}"
-
-
-def _text(value: float) -> str:
-    return f"{value:g}"
-
-
-def _range(name: str) -> str:
-    low, high = LIMITS[name]
-    return f"From {low:g} to {high:g}."
 
 
 def _fixed(p: Parameters) -> str:

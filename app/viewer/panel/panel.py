@@ -10,8 +10,11 @@ from typing import Any
 import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
-from app.live.runner import LiveState, NoResponseError, Runner
-from app.viewer.panel.method_tab import NOTICE, MethodTab
+from app.live.live_state import LiveState
+from app.live.messages import NoResponseError
+from app.live.runner import Runner
+from app.viewer.panel.changes import NOTICE
+from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab
 from app.viewer.panel.plots_tab import PlotsTab
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS

@@ -1,16 +1,17 @@
 """Plant, twin and world of the live walk; a refusal is shown to the client that made the request."""
 
-from concurrent.futures import Future, TimeoutError
+from concurrent.futures import Future
 from html import escape
 from typing import Any
 
 import viser
 
 from app.descriptions import descriptions
-from app.live.runner import LiveState, NoResponseError, Runner
-from app.viewer.panel.method_tab import NOTICE
+from app.live.live_state import LiveState
+from app.live.runner import Runner
+from app.viewer.panel.changes import is_made, number_text, range_hint, refuse
 from app.viewer.transport.scene_updates import SceneUpdates
-from walkcore import Parameters, WalkError
+from walkcore import Parameters
 from walkcore.plant.world import LIMITS, PERFECT, SENSORS, World
 
 PLANTS = {"ideal": "ideal model", "mujoco": "contact physics"}
@@ -46,7 +47,12 @@ class PhysicsTab:
         self._sent_note = ""
         with gui.add_form(None) as form:  # else every key that is typed would reset the robot
             self.numbers = {
-                name: gui.add_text(label, _text(getattr(PERFECT, name)), disabled=not has_body, hint=_hint(hints, name))
+                name: gui.add_text(
+                    label,
+                    number_text(getattr(PERFECT, name)),
+                    disabled=not has_body,
+                    hint=range_hint(hints[name], LIMITS[name]),
+                )
                 for name, label in NUMBERS.items()
             }
             """Text fields by the names of what they hold."""
@@ -71,7 +77,8 @@ class PhysicsTab:
             try:
                 world[name] = float(handle.value)
             except ValueError:
-                self._refuse(event.client, f"{NUMBERS[name]}: {handle.value!r} is not a number")
+                refuse(event.client, f"{NUMBERS[name]}: {handle.value!r} is not a number")
+                self._shown = None
                 return
         self._wait(event.client, self._runner.begin({}, world))
 
@@ -90,14 +97,8 @@ class PhysicsTab:
             self._wait(event.client, self._runner.change({"twin": self.twin.value}))
 
     def _wait(self, client: viser.ClientHandle, response: Future[Any]) -> None:
-        try:
-            response.result(timeout=TIMEOUT)
-        except (WalkError, NoResponseError, TimeoutError) as refusal:
-            self._refuse(client, str(refusal) or "the control process does not respond")
-
-    def _refuse(self, client: viser.ClientHandle, reason: str) -> None:
-        client.add_notification("Not changed", reason, color="red", auto_close_seconds=NOTICE)
-        self._shown = None
+        if not is_made(client, response, TIMEOUT):
+            self._shown = None
 
     def update(self, updates: SceneUpdates, state: LiveState) -> None:
         """Show what is in force, whoever changed it."""
@@ -114,13 +115,4 @@ class PhysicsTab:
         self.plant.value, self.twin.value = PLANTS[state.plant], self._runner.parameters.twin
         self.sensors.value = state.world.sensors  # pyright: ignore[reportAttributeAccessIssue]  # its options are SENSORS
         for name, handle in self.numbers.items():
-            handle.value = _text(getattr(state.world, name))
-
-
-def _text(value: float) -> str:
-    return f"{value:g}"
-
-
-def _hint(hints: dict[str, str], name: str) -> str:
-    low, high = LIMITS[name]
-    return f"{hints[name]} From {low:g} to {high:g}."
+            handle.value = number_text(getattr(state.world, name))

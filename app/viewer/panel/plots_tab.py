@@ -22,7 +22,7 @@ from app.drawing.palette import (
     TRUE_COP,
     Colour,
 )
-from app.live.runner import LiveState
+from app.live.live_state import LiveState
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Snapshot
 from walkcore.mpc.stance import Side

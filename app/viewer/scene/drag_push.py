@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.live.runner import NoResponseError, Runner
+from app.live.messages import NoResponseError
+from app.live.runner import Runner
 from app.viewer.scene.frame import Aim
 from app.viewer.scene.link_points import LinkPoints
 from app.viewer.scene.proportions import Proportions
