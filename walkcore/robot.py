@@ -111,7 +111,7 @@ class Robot:
 
     name: str
     title: str
-    """Name as it is written in a sentence, such as HRP-2."""
+    """Name as it is written in a sentence, with its capitals."""
     source: str
     """Name or path from which `load_robot` reads it again."""
     mass: float
