@@ -32,7 +32,7 @@ CORE = """
     analysis.metrics analysis.push_bound analysis.survival analysis.push_rose
     analysis.sweep
     robot_import.urdf_checks robot_import.legs robot_import.soles robot_import.measure robot_import.findings
-    robot_import
+    robot_import.swing_fit robot_import.speed_limits robot_import
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
