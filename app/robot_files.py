@@ -1,6 +1,6 @@
 """Text of a robot file, with the unit of each quantity beside it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import yaml
@@ -30,16 +30,16 @@ STUDIED = {
 """What stands instead where simulations have found the values."""
 
 
-def robot_text(values: Mapping[str, Any], urdf: str, is_studied: bool = False) -> str:
+def robot_text(values: Mapping[str, Any], urdf: str, studied: Collection[str] = ()) -> str:
     """YAML of a robot file.
 
     Args:
         values: of the file.
         urdf: name of the URDF that they come from.
-        is_studied: whether foothold regions and references were found by simulation, or guessed.
+        studied: keys of `STUDIED` whose values were found by simulation, instead of guessed.
     """
     lines = [f"# Measured on {urdf} by walk import; what each number means stands in docs/robots.md."]
-    units = UNITS | STUDIED if is_studied else UNITS
+    units = UNITS | {key: STUDIED[key] for key in studied}
     for key, value in values.items():
         if key in units:
             lines.append(f"# {units[key]}")

@@ -9,6 +9,7 @@ from test_synthetic_biped import biped, imported
 
 from app.commands.robot_commands import ImportCommand
 from walkcore import Command, Reference, Simulation, load_robot
+from walkcore.errors import InvalidValueError
 from walkcore.robot_import.speed_limits import fastest_references, keeps_limits
 from walkcore.robot_import.swing_fit import fit_swing_moments
 
@@ -46,3 +47,11 @@ def test_an_imported_biped_walks_in_physics_at_the_speed_that_its_size_suggests(
         snapshot = walk.step(Command(Reference(vx=fastest)))
         assert snapshot.status != 2, snapshot.reason
     assert snapshot.plant.measured.com[0] > 0.7 * 5.0 * fastest
+
+
+def test_a_study_that_is_refused_leaves_a_file_that_says_what_is_guessed(tmp_path):
+    (tmp_path / "mine.urdf").write_text(biped(1.0), encoding="utf-8")
+    with pytest.raises(InvalidValueError, match="samples = 10: must be at least"):
+        ImportCommand(tmp_path / "mine.urdf", tmp_path / "mine.yaml", footholds=True, samples=10)()
+    text = (tmp_path / "mine.yaml").read_text(encoding="utf-8")
+    assert "a guess from the size, see walk footholds" in text and "found by walk footholds" not in text

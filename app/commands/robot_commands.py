@@ -92,11 +92,11 @@ class ImportCommand:
         )
         print(f"see it walk: ROBOT={self.out} make run; find where it can step: walk footholds {self.out}")
 
-    def _write(self, values: dict[str, Any]) -> Robot:
-        """The robot of these values, which go into the file."""
+    def _write(self, values: dict[str, Any], *studied: str) -> Robot:
+        """The robot of these values, which go into the file; those of some keys were found by simulation."""
         from app.robot_files import robot_text
 
-        self.out.write_text(robot_text(values, self.urdf.name, self.footholds), encoding="utf-8")
+        self.out.write_text(robot_text(values, self.urdf.name, studied), encoding="utf-8")
         return load_robot(self.out)
 
     def _with_footholds(self, values: dict[str, Any]) -> Robot:
@@ -111,7 +111,7 @@ class ImportCommand:
             {"yaw": [region.lowest_yaw, region.highest_yaw], "region": region.vertices.tolist()}
             for region in found.regions
         ]
-        return self._write(values)
+        return self._write(values, "foothold_regions")
 
     def _with_speed_limits(self, values: dict[str, Any], robot: Robot) -> Robot:
         """The robot with the fastest references that its joints keep."""
@@ -127,7 +127,7 @@ class ImportCommand:
                 print(f"note: {told}; try another com_height, swing_height or step_duration", file=sys.stderr)
             else:
                 values["max_reference"][name] = [low, high]
-        return self._write(values)
+        return self._write(values, "foothold_regions", "max_reference")
 
     def _with_swing_moments(self, values: dict[str, Any], robot: Robot) -> Robot:
         """The robot with the moments of its swinging leg, where it walks long enough to fit them."""
@@ -140,7 +140,7 @@ class ImportCommand:
             print(f"note: {error}", file=sys.stderr)
             return robot
         values["swing_moments"] = {key: round(getattr(moments, key), 4) for key in ("foot", "knee", "com")}
-        return self._write(values)
+        return self._write(values, *(("foothold_regions", "max_reference") if self.footholds else ()))
 
 
 FIT_PERIOD = 0.02  # [s] of a tick: the moments differ by 2 to 10 % from those at 5 ms, and take a fourth of the time
