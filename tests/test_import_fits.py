@@ -1,4 +1,4 @@
-"""What an import finds by walks in the ideal model: swing moments, and the fastest references of the joints."""
+"""What `walk import` writes: swing moments and fastest references found by walks, and what is guessed instead."""
 
 import re
 from dataclasses import replace
@@ -55,3 +55,9 @@ def test_a_study_that_is_refused_leaves_a_file_that_says_what_is_guessed(tmp_pat
         ImportCommand(tmp_path / "mine.urdf", tmp_path / "mine.yaml", footholds=True, samples=10)()
     text = (tmp_path / "mine.yaml").read_text(encoding="utf-8")
     assert "a guess from the size, see walk footholds" in text and "found by walk footholds" not in text
+
+
+def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path):
+    (tmp_path / "mine.urdf").write_text("<robot>", encoding="utf-8")
+    with pytest.raises(InvalidValueError, match="out = .*must be a file in a folder that is there"):
+        ImportCommand(tmp_path / "mine.urdf", tmp_path / "no" / "mine.yaml")()

@@ -62,6 +62,8 @@ class ImportCommand:
         for name, file in (("urdf", self.urdf), ("srdf", self.srdf)):
             if file is not None and not file.is_file():
                 raise InvalidValueError(name, str(file), "must be a file")
+        if not self.out.parent.is_dir():
+            raise InvalidValueError("out", str(self.out), "must be a file in a folder that is there")
         if bool(self.left_foot) is not bool(self.right_foot):
             raise InvalidValueError(
                 "right_foot", self.right_foot, "must be given where left_foot is, and the other way"
