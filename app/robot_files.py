@@ -1,6 +1,6 @@
 """Text of a robot file, with the unit of each quantity beside it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import yaml
@@ -17,21 +17,29 @@ UNITS = {
     "max_reference": "m/s, rad/s: a guess from the robot's size",
     "max_push": "N s",
     "tipping_margin": "m, that the CoP commanded in physics keeps from the edges of the soles",
+    "swing_moments": "s^2, fitted on walks in the ideal model",
     "gait": "s, m",
     "body": "frames and files; angles in rad",
 }
 
 
-def robot_text(values: Mapping[str, Any], urdf: str, study: str = "") -> str:
+STUDIED = {
+    "foothold_regions": "m, of the left foot in the right foot's frame: found by walk footholds",
+    "max_reference": "m/s, rad/s: the fastest within the joints' limits, none beyond the guess from the size",
+}
+"""What stands instead where simulations have found the values."""
+
+
+def robot_text(values: Mapping[str, Any], urdf: str, studied: Collection[str] = ()) -> str:
     """YAML of a robot file.
 
     Args:
         values: of the file.
         urdf: name of the URDF that they come from.
-        study: command that found the foothold regions; empty where they were guessed.
+        studied: keys of `STUDIED` whose values were found by simulation, instead of guessed.
     """
     lines = [f"# Measured on {urdf} by walk import; what each number means stands in docs/robots.md."]
-    units = UNITS | ({"foothold_regions": f"m, of the left foot in the right foot's frame: {study}"} if study else {})
+    units = UNITS | {key: STUDIED[key] for key in studied}
     for key, value in values.items():
         if key in units:
             lines.append(f"# {units[key]}")

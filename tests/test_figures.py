@@ -10,6 +10,7 @@ from app.figures import make, measures, walks
 from app.figures.methods import methods_sweep
 from app.sweeps.cells import read_cells
 from walkcore.analysis.sweep import sweep_from_mapping
+from walkcore.errors import UnknownNameError
 from walkcore.mpc.regions import polygon
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 
@@ -51,6 +52,16 @@ def rows(folder):
 
 def numbers(cell):
     return [float(number) for number in re.findall(r"-?\d+\.\d+", cell)]
+
+
+def test_the_robots_of_the_figures_are_those_whose_sample_motion_ships(tmp_path):
+    assert [(name, motion.robot.name) for name, motion in walks.sample_motions().items()] == [
+        ("hrp2", "hrp2"),
+        ("talos", "talos"),
+    ]
+    with pytest.raises(UnknownNameError, match="no robot with a sample motion 'g1'; there are: hrp2, talos"):
+        make.make_figures(tmp_path / "out", ("hrp2", "g1"), ("svg",), PERIOD)
+    assert not (tmp_path / "out").exists(), "refused before anything is simulated"
 
 
 def test_every_figure_is_a_small_picture_that_parses(folder):

@@ -14,7 +14,7 @@ from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.footholds.collisions import SAFETY_DISTANCE, LegDistances
 from walkcore.footholds.safe_polygon import area, inside, intersection, safe_polygon
 from walkcore.footholds.step_feasibility import Feasibility, StepFeasibility, placement_before
-from walkcore.footholds.study import MAX_VERTICES, common_vertices, contains, sampled_placements
+from walkcore.footholds.study import MAX_VERTICES, common_vertices, contains, safe_regions, sampled_placements
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.stance import Footstep, Side
@@ -184,6 +184,14 @@ def test_points_that_cannot_be_cut_off_are_an_error():
         safe_polygon(square, np.array([[0.5, 0.5]]), np.array([[0.5, 0.5]]), 5)
     with pytest.raises(EmptyRegionError, match="enclose no area"):
         safe_polygon(square[:2], np.empty((0, 2)), square[:1], 5)
+
+
+def test_a_band_of_yaws_without_a_region_is_named_with_what_to_do():
+    placements = np.array([[0.1, 0.2, 0.0], [0.2, 0.2, 0.0], [0.1, 0.3, 0.0], [0.0, 0.2, -0.05]])
+    with pytest.raises(
+        EmptyRegionError, match="yaws of -0.09 to -0.03 rad, where 1 of 1 placements were.*try more samples"
+    ):
+        safe_regions(placements, [Feasibility.SAFE] * 4, 0.2)
 
 
 def test_two_squares_have_their_overlap_in_common():

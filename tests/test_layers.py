@@ -31,7 +31,8 @@ CORE = """
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound analysis.survival analysis.push_rose
     analysis.sweep analysis.cell_outcome
-    robot_import.legs robot_import.soles robot_import.measure robot_import.findings robot_import
+    robot_import.urdf_checks robot_import.legs robot_import.soles robot_import.measure robot_import.findings
+    robot_import.swing_fit robot_import.speed_limits robot_import
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """

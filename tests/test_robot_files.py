@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +13,22 @@ import yaml
 
 from app.live.plant_choice import suitable_plant
 from app.viewer.scene.robot_mesh import body_parts, drawn_height
-from walkcore import Command, Reference, Simulation, load_robot
+from walkcore import Command, Reference, Simulation, load_robot, robot_names
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.motion.body_model import load_model
 from walkcore.mpc.stance import Side
 from walkcore.named_files import shipped_files
-from walkcore.robot_file import robot_from_mapping
+from walkcore.robot_file import DEFAULT_ROBOT, robot_from_mapping
 from walkcore.robot_import.findings import findings
 from walkcore.robot_import.legs import find_legs
 from walkcore.robot_import.measure import measure, robot_mapping
 
 G1 = load_robot("g1")
 FILE = Path(str(shipped_files("robots")["hrp2"]))
+BODY = {"urdf": FILE.name, "left_sole": "l", "right_sole": "r", "torso": "t"}
+OTHERS_WITH_A_BODY = [
+    name for name in robot_names() if name != DEFAULT_ROBOT and load_robot(name).body is not None
+]  # the default one has test files of its own
 
 
 def hrp2(**changes):
@@ -48,6 +53,12 @@ def hrp2(**changes):
         ({"wheels": 2}, "robot.wheels"),
         ({"body": {"urdf": "no.urdf", "left_sole": "l", "right_sole": "r", "torso": "t"}}, "robot.body.urdf"),
         ({"body": {"urdf": "no.urdf"}}, "robot.body.left_sole"),
+        ({"body": BODY | {"replaced_limits": {"knee": {"velocity": 1.0}}}}, "robot.body.replaced_limits.knee.source"),
+        ({"body": BODY | {"replaced_limits": {"knee": {"velocity": 0.0, "source": "a sheet"}}}},
+         "robot.body.replaced_limits.knee.velocity"),
+        ({"body": BODY | {"replaced_limits": {"knee": {"speed": 1.0, "source": "a sheet"}}}},
+         "robot.body.replaced_limits.knee.speed"),
+        ({"body": BODY | {"replaced_limits": {"knee": {"source": "a sheet"}}}}, "robot.body.replaced_limits.knee"),
         ({"body": {"package": "no-such-wheel", "urdf": "u", "left_sole": "l", "right_sole": "r", "torso": "t"}},
          "robot.body.package"),
     ],
@@ -89,6 +100,7 @@ def test_a_robot_file_by_path_walks_like_the_one_that_ships(tmp_path):
         ({"left_sole": "no_link"}, "robot.body.left_sole"),
         ({"posture_angles": {"no_joint": 0.1}}, "robot.body.posture_angles"),
         ({"fixed_joints": ["no_joint"]}, "robot.body.fixed_joints"),
+        ({"replaced_limits": {"no_joint": {"effort": 9.0, "source": "a sheet"}}}, "robot.body.replaced_limits"),
     ],
 )
 def test_names_that_the_urdf_does_not_have_are_refused(change, field):
@@ -115,22 +127,36 @@ def test_joints_that_are_held_fast_keep_their_angle_and_leave_the_configuration(
     assert np.allclose(*places, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["g1", "alexander"])
+def test_limits_with_a_better_source_replace_those_of_the_urdf_and_no_others():
+    body = load_robot("romeo").body
+    assert body is not None
+    ours, urdf = (load_model(replace(body, replaced_limits=limits)) for limits in (body.replaced_limits, ()))
+    names = list(ours.names)[2:]
+    for limit in ("velocityLimit", "effortLimit"):
+        differ = getattr(ours, limit)[6:] != getattr(urdf, limit)[6:]
+        assert [name for name, other in zip(names, differ, strict=True) if other] == ["LHipYaw", "RHipYaw"]
+    assert ours.velocityLimit[6] == 1.045 and ours.effortLimit[6] == 25.42
+
+
+@pytest.mark.parametrize("name", OTHERS_WITH_A_BODY)
 def test_every_robot_that_ships_keeps_its_promises_on_a_walk(name):
     robot = load_robot(name)
     walk = Simulation(robot)
     assert abs(walk.body.mass - robot.mass) < 1e-3
     fastest, turn = robot.max_reference["vx"][1], robot.max_reference["yaw_rate"][1]
+    q, period = None, walk.parameters.control_period
     for reference in (Reference(vx=fastest), Reference(vx=fastest / 2, yaw_rate=turn), Reference()):
         for _ in range(500):
             snapshot = walk.step(Command(reference))
             assert snapshot.status == 0, snapshot.reason
             com = np.array([*snapshot.com.position, snapshot.com_height])
             assert max(walk.body.errors(snapshot.q, com, snapshot.feet)) < 1e-3
+            assert q is None or np.all(np.abs(snapshot.q - q)[7:] <= walk.body.max_speeds * period)
+            q = snapshot.q
     assert snapshot.com.position[0] > 0.5 * fastest
 
 
-@pytest.mark.parametrize("name", ["g1", "alexander"])
+@pytest.mark.parametrize("name", OTHERS_WITH_A_BODY)
 def test_every_robot_with_a_body_walks_in_physics(name):
     pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
     robot = load_robot(name)

@@ -127,12 +127,8 @@ def names_in_code() -> dict[str, set[str]]:
     return {name: names for name, names in found.items() if names}
 
 
-def test_no_robot_is_named_in_the_code_but_the_default_one_and_those_of_the_papers_figures():
-    assert names_in_code() == {
-        "walkcore/robot_file.py": {"talos"},
-        "app/figures/walks.py": {"hrp2", "talos"},
-        "app/commands/cli.py": {"hrp2", "talos"},  # walk figures --robots
-    }
+def test_no_robot_is_named_in_the_code_but_the_default_one():
+    assert names_in_code() == {"walkcore/robot_file.py": {"talos"}}
 
 
 def test_files_that_ship_name_their_robot_as_they_are_named():

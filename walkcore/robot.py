@@ -29,6 +29,19 @@ class FixedFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class ReplacedLimits:
+    """Limits of a joint that stand instead of those of the URDF, where a better source is known."""
+
+    joint: str
+    source: str
+    """Where they come from, and why they are better than the URDF's."""
+    velocity: float | None = None
+    """[rad/s]; None keeps the URDF's."""
+    effort: float | None = None
+    """[N m]; None keeps the URDF's."""
+
+
+@dataclass(frozen=True, slots=True)
 class BodyModel:
     """Files and frames that describe the whole body of a robot."""
 
@@ -46,6 +59,8 @@ class BodyModel:
     """Joints by name, and their angles in the posture [rad]; the others are at zero, or as the SRDF says."""
     fixed_joints: tuple[str, ...] = ()
     """Joints that are held fast at their angle in the posture, such as those of hands."""
+    replaced_limits: tuple[ReplacedLimits, ...] = ()
+    """Limits that are not the URDF's."""
 
     @property
     def left_sole(self) -> str:
@@ -97,7 +112,7 @@ class Robot:
 
     name: str
     title: str
-    """Name as it is written in a sentence, such as HRP-2."""
+    """Name as it is written in a sentence, with its capitals."""
     source: str
     """Name or path from which `load_robot` reads it again."""
     mass: float

@@ -1,6 +1,6 @@
 """Robot files: YAML by the name of a robot that ships, or by a path, checked field by field."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -11,7 +11,7 @@ from walkcore.mpc.regions import polygon
 from walkcore.named_files import is_file, named_file, shipped_files
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
-from walkcore.robot import BodyModel, FixedFrame, FootholdRegion, Robot, SwingMoments
+from walkcore.robot import BodyModel, FixedFrame, FootholdRegion, ReplacedLimits, Robot, SwingMoments
 from walkcore.values import (
     Matrix,
     check_complete,
@@ -38,7 +38,10 @@ GAIT = (
 )
 """Parameters that a robot may have a value of its own for."""
 BODY_REQUIRED = ("urdf", "left_sole", "right_sole", "torso")
-BODY_OPTIONAL = ("package", "folder", "package_folder", "srdf", "posture", "posture_angles", "fixed_joints")
+BODY_OPTIONAL = (
+    *("package", "folder", "package_folder", "srdf", "posture", "posture_angles", "fixed_joints"),
+    "replaced_limits",
+)
 # Lowest and highest value of each number, in the unit of `Robot`.
 LIMITS: Mapping[str, tuple[float, float]] = {
     "mass": (0.1, 1000.0),
@@ -53,6 +56,8 @@ LARGEST = 3.0  # [m] of a sole or a foothold region, from its frame
 MAX_CORNERS = 64
 MAX_BANDS = 32
 MAX_JOINTS = 200
+# Of a joint: [rad/s], [N m].
+JOINT_LIMITS: Mapping[str, tuple[float, float]] = {"velocity": (0.01, 100.0), "effort": (0.01, 10000.0)}
 
 
 def robot_names() -> list[str]:
@@ -199,7 +204,23 @@ def _body(data: Any, folder: Path) -> BodyModel:
             (joint, check_range(f"{where}.posture_angles.{joint}", angle, -7.0, 7.0)) for joint, angle in angles.items()
         ),
         fixed_joints=tuple(check_text(f"{where}.fixed_joints[{i}]", joint) for i, joint in enumerate(fixed)),
+        replaced_limits=tuple(_replaced_limits(f"{where}.replaced_limits", values.get("replaced_limits", {}))),
     )
+
+
+def _replaced_limits(where: str, data: Any) -> Iterator[ReplacedLimits]:
+    for joint, item in check_mapping(where, data).items():
+        field = f"{where}.{joint}"
+        given = check_mapping(field, item)
+        check_keys(field, given, {"source", *JOINT_LIMITS})
+        if "source" not in given:
+            raise InvalidValueError(f"{field}.source", None, "must say where the limits come from")
+        limits = {
+            key: check_range(f"{field}.{key}", given[key], *JOINT_LIMITS[key]) for key in JOINT_LIMITS if key in given
+        }
+        if not limits:
+            raise InvalidValueError(field, item, f"must have one of {', '.join(JOINT_LIMITS)}")
+        yield ReplacedLimits(joint, check_text(f"{field}.source", given["source"]), **limits)
 
 
 def _package_folder(package: str, folder: str) -> Path:

@@ -51,8 +51,8 @@ class FiguresCommand:
 
     out: Path
     """Folder for a folder of figures of each robot, and for report.md."""
-    robots: tuple[Literal["hrp2", "talos"], ...] = ("hrp2", "talos")
-    """Robots whose figures are made."""
+    robots: tuple[str, ...] = ()
+    """Robots whose figures are made; by default all whose sample motion ships."""
     formats: tuple[Literal["svg", "pdf", "png"], ...] = ("svg", "pdf")
     """Endings of their files."""
     control_period: float = Parameters().control_period

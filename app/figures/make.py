@@ -13,7 +13,7 @@ import numpy as np
 from app.figures import drawing, measures
 from app.figures.claims import Claim, claims
 from app.figures.methods import draw_methods, methods_sweep, table_of_methods, walk_methods
-from app.figures.walks import Walks, simulate, solve_times
+from app.figures.walks import Walks, sample_motion, sample_motions, simulate, solve_times
 
 TITLES = {
     "speed_only": "QP (17): speed only",
@@ -41,18 +41,21 @@ def make_figures(
 
     Args:
         out: folder for a folder of figures of each robot and for report.md.
-        robots: names of robots whose sample motion ships.
+        robots: names of robots whose sample motion ships; all of them where none is named.
         formats: endings of the figures' files: svg, pdf, png.
         control_period: of the sample motions [s].
         report: called with a line about what has been done.
 
     Raises:
-        WalkError: if the period does not fit the gait's grid.
+        WalkError: if the period does not fit the gait's grid, or a robot has no sample motion.
         OSError: if the folder cannot be written to.
     """
+    names = robots or tuple(sample_motions())
+    for robot in names:  # refused before anything is simulated
+        sample_motion(robot, control_period)
     out.mkdir(parents=True, exist_ok=True)
     parts: list[str] = []
-    for robot in robots:
+    for robot in names:
         walks = simulate(robot, control_period)
         report(f"{robot}: walked {len(walks.by_scheme)} sample motions and {2 * len(walks.variations)} variations")
         found = claims(walks, solve_times(robot))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -11,11 +11,13 @@ import numpy as np
 from app.bench.bench import laps, planning_time
 from app.jobs import JobPool
 from app.settings import usable_cores
-from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record
+from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record, scenario_names
+from walkcore.errors import UnknownNameError
 from walkcore.robot import FootholdRegion
 from walkcore.values import Vector, frozen_copy
 
-SAMPLE_MOTIONS = MappingProxyType({"hrp2": "herdt-2010-section-6-hrp2", "talos": "herdt-2010-section-6"})
+SECTION_6 = "herdt-2010-section-6"
+"""Beginning of the names of the scenarios with the sample motion, one for each robot that walks it."""
 SCHEMES = ("speed_only", "speed_and_jerk", "full", "mean_velocity")
 PAPER_PERIOD = Parameters().sampling_period  # [s]
 HARD_PUSH = 0.22  # [m/s] that it adds to the velocity of the CoM: too much for the sole to take without a step
@@ -87,14 +89,26 @@ def simulate(robot: str, control_period: float) -> Walks:
     )
 
 
+@cache
+def sample_motions() -> Mapping[str, Scenario]:
+    """The sample motions that ship, by the name of their robot, in its order."""
+    shipped = [load_scenario(name) for name in scenario_names() if name.startswith(SECTION_6)]
+    return MappingProxyType({motion.robot.name: motion for motion in sorted(shipped, key=lambda m: m.robot.name)})
+
+
 def sample_motion(robot: str, control_period: float) -> Scenario:
     """The sample motion of section 6, by `full`, of a point mass with feet.
 
     Args:
         robot: name of a robot whose sample motion ships.
         control_period: time from one tick to the next [s].
+
+    Raises:
+        UnknownNameError: if no sample motion of that robot ships.
     """
-    shipped = load_scenario(SAMPLE_MOTIONS[robot])
+    if robot not in sample_motions():
+        raise UnknownNameError("robot with a sample motion", robot, list(sample_motions()))
+    shipped = sample_motions()[robot]
     parameters = shipped.parameters.changed({"control_period": control_period})
     return replace(shipped, robot=replace(shipped.robot, body=None), parameters=parameters)
 

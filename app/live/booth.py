@@ -23,7 +23,7 @@ from walkcore import Push, Reference
 from walkcore.mpc.plan import Status
 
 # Pushes as shares of the robot's strongest: of visitors, and of the walk without them, which should lead to no fall.
-# In contact physics Talos falls of 0.4, to the left while it comes to a stand.
+# In contact physics the default robot falls of 0.4, to the left while it comes to a stand.
 PUSH_SHARE, ATTRACT_PUSH_SHARE = 0.3, 0.2
 PUSH_PERIOD = 1.5  # [s] between pushes of visitors
 STAND_UP_AFTER = 4.0  # [s] on the ground, so that everybody has seen why

@@ -26,7 +26,7 @@ from walkcore.scenario.session import session_scenario
 from walkcore.state import SimulationState
 from walkcore.values import frozen_copy
 
-KEPT = 120.0  # [s] at least, of simulated time: 47 MB with Talos in physics
+KEPT = 120.0  # [s] at least, of simulated time: 47 MB with the default robot in physics
 SAVED = 60.0  # [s] of them, at least, that become a run
 TICKS_PER_SEGMENT = 10  # so few that packing them takes 2 ms at most, and that they go by one message
 COMPRESSION = 1  # the fastest of zlib, which halves a segment

@@ -74,8 +74,17 @@ def safe_regions(placements: Matrix, outcomes: Sequence[Feasibility], stance_wid
     for low, high in pairwise(YAW_BANDS):
         is_in_band = (low <= placements[:, 2]) & (placements[:, 2] <= high)
         safe, unsafe = placements[is_in_band & is_safe, :2], placements[is_in_band & ~is_safe, :2]
-        kept = [deepest(safe, unsafe)] + ([np.array([0.0, stance_width])] if low < 0.0 < high else [])
-        regions.append(FootholdRegion(low, high, safe_polygon(safe, unsafe, np.array(kept), MAX_VERTICES)))
+        try:
+            kept = [deepest(safe, unsafe)] + ([np.array([0.0, stance_width])] if low < 0.0 < high else [])
+            vertices = safe_polygon(safe, unsafe, np.array(kept), MAX_VERTICES)
+        except EmptyRegionError as error:
+            where = (
+                f"yaws of {low:g} to {high:g} rad, where {len(safe)} of {len(safe) + len(unsafe)} placements were safe"
+            )
+            raise EmptyRegionError(
+                f"no region for {where}: {error}; try more samples, or another com_height"
+            ) from error
+        regions.append(FootholdRegion(low, high, vertices))
     return regions
 
 

@@ -32,6 +32,7 @@ def load_model(body: BodyModel) -> pin.Model:
         model = pin.buildModelFromUrdf(str(body.urdf), pin.JointModelFreeFlyer())
     except (ValueError, RuntimeError) as error:
         raise InvalidValueError("robot.body.urdf", str(body.urdf), f"cannot be read: {error}") from error
+    _replace_limits(body, model)
     posture = _posture(body, model)
     fixed = [_joint(model, name, "fixed_joints") for name in body.fixed_joints]
     if fixed:
@@ -51,6 +52,15 @@ def load_model(body: BodyModel) -> pin.Model:
 def configuration_size(body: BodyModel) -> int:
     """nq: numbers in a configuration of that body."""
     return int(load_model(body).nq)
+
+
+def _replace_limits(body: BodyModel, model: pin.Model) -> None:
+    for limits in body.replaced_limits:
+        first = model.joints[_joint(model, limits.joint, "replaced_limits")].idx_v
+        if limits.velocity is not None:
+            model.velocityLimit[first] = limits.velocity
+        if limits.effort is not None:
+            model.effortLimit[first] = limits.effort
 
 
 def _posture(body: BodyModel, model: pin.Model) -> Vector:

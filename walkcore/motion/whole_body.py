@@ -23,7 +23,7 @@ from walkcore.mpc.stance import Side
 from walkcore.robot import BodyModel
 from walkcore.values import Matrix, Vector, frozen_copy
 
-LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of Talos's posture lie on theirs
+LIMIT_MARGIN = 1e-3  # [rad] kept from joint limits: some joints of a posture lie on theirs
 TOLERANCE = 1e-4  # [m] or [rad], on the CoM and the soles: a tenth of what a walk allows
 MAX_ITERATIONS = 8  # of the inverse kinematics in one tick
 MAX_ERROR = 0.01  # [m] or [rad] beyond which the body has not followed

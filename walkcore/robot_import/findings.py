@@ -3,16 +3,16 @@
 """Faults and oddities of a URDF, each in one line that says what to do."""
 
 from collections.abc import Iterator
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
+from walkcore.errors import InvalidValueError, InverseKinematicsError
 from walkcore.motion.swing_foot import standing
 from walkcore.motion.whole_body import BodyTarget, WholeBody
 from walkcore.mpc.stance import Side
 from walkcore.robot import Robot
-from walkcore.robot_import.measure import MeasuredRobot
+from walkcore.robot_import.measure import MeasuredRobot, mimic_joints
 from walkcore.values import Matrix, Vector
 
 SAME = 0.02  # share by which the mirror images of two inertias or masses may differ
@@ -27,6 +27,9 @@ def findings(measured: MeasuredRobot, robot: Robot) -> Iterator[str]:
     Args:
         measured: the URDF.
         robot: the robot file made of it.
+
+    Raises:
+        InvalidValueError: if the robot cannot stand at its CoM height.
     """
     yield from _inertias(measured)
     yield from _mirror_images(measured)
@@ -34,7 +37,7 @@ def findings(measured: MeasuredRobot, robot: Robot) -> Iterator[str]:
     yield from _torques(robot)
     if measured.fixed_joints:
         names = ", ".join(measured.fixed_joints[:4]) + (", ..." if len(measured.fixed_joints) > 4 else "")
-        yield f"held fast, as they have no torque or speed, or turn without end: {names}; see fixed_joints"
+        yield f"held fast, as they have no torque or speed, turn without end or mimic others: {names}; see fixed_joints"
 
 
 def _inertias(measured: MeasuredRobot) -> Iterator[str]:
@@ -78,21 +81,33 @@ def _in_world(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Vect
 
 
 def _mimic_joints(measured: MeasuredRobot) -> Iterator[str]:
-    mimics = [
-        joint.get("name", "") for joint in ElementTree.parse(measured.urdf).getroot().iter("joint")
-        if joint.find("mimic") is not None and joint.get("name", "") not in measured.fixed_joints
-    ]  # fmt: skip
+    legs = [measured.model.names[joint] for leg in measured.legs for joint in leg.joints]
+    mimics = [name for name in mimic_joints(measured.urdf) if name in legs]
     if mimics:
-        yield f"joints that mimic others move on their own here: {', '.join(mimics[:4])}; add them to fixed_joints"
+        yield f"leg joints that mimic others move on their own here: {', '.join(mimics[:4])}; no coupling is simulated"
 
 
 def _torques(robot: Robot) -> Iterator[str]:
-    """Torques of the robot at rest on both feet, against their limits."""
+    """Torques of the robot at rest on both feet, against their limits.
+
+    Raises:
+        InvalidValueError: if it cannot stand at its CoM height.
+    """
     assert robot.body is not None
     body = WholeBody(robot.body)
     feet = [standing(robot.foot_at_rest(side)) for side in Side]
-    q = body.at_rest(BodyTarget(np.array([0.0, 0.0, robot.com_height]), *feet, heading=0.0))
+    target = BodyTarget(np.array([0.0, 0.0, robot.com_height]), *feet, heading=0.0)
+    try:
+        q = body.at_rest(target)
+    except InverseKinematicsError as error:
+        limit = f"must be one at which it stands on flat soles: {error}; check the limits of the leg joints in the URDF"
+        raise InvalidValueError("com_height", robot.com_height, limit) from error
     torques = np.abs(body.dynamics(q, q, q, robot.parameters.control_period, np.zeros(2), list(Side)).torques)
+    for word, limits, number in (("torque", body.max_torques, "effort"), ("speed", body.max_speeds, "velocity")):
+        without = [name for name, limit in zip(body.joint_names, limits, strict=True) if limit <= 0.0]
+        if without:
+            names = ", ".join(without[:4]) + (", ..." if len(without) > 4 else "")
+            yield f"no {word}: {names}; give them the {number} of the real robot in the URDF, or in replaced_limits"
     for name, torque, limit in zip(body.joint_names, torques, body.max_torques, strict=True):
-        if torque > ENOUGH * limit:
+        if torque > ENOUGH * limit > 0.0:
             yield f"{name} takes {torque:.1f} of {limit:.1f} N m to stand: check the limit, or raise com_height"

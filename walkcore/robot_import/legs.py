@@ -59,13 +59,21 @@ def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
     ends = [_joint_of(model, name) for name in feet] if feet else _lowest_ends(model, data)
     if len(ends) != 2:
         names = ", ".join(model.names[end] for end in ends)
-        raise InvalidValueError("urdf", f"{len(ends)} legs ({names})", "must have two: only bipeds walk here")
+        limit = (
+            "must have two: only bipeds walk here; where arms hang as low as feet, name --left-foot and --right-foot"
+        )
+        raise InvalidValueError("urdf", f"{len(ends)} legs ({names})", limit)
     left, right = ends if feet else sorted(ends, key=lambda end: _is_right(model, data, end))
     legs = Leg(Side.LEFT, _chain(model, left)), Leg(Side.RIGHT, _chain(model, right))
     for leg in legs:
         if len(leg.joints) < NB_JOINTS:
             joints = f"{len(leg.joints)} joints ({', '.join(model.names[joint] for joint in leg.joints)})"
-            raise InvalidValueError(f"{leg.side.name.lower()} leg", joints, f"must have at least {NB_JOINTS}")
+            limit = f"must have at least {NB_JOINTS}: with fewer, a foot cannot be put anywhere and lie flat there"
+            raise InvalidValueError(f"{leg.side.name.lower()} leg", joints, limit)
+        for joint in leg.joints:
+            if model.joints[joint].nq != 1:
+                limit = "must be a joint of one angle: make it revolute, with the limits of the real one"
+                raise InvalidValueError(f"{leg.side.name.lower()} leg", model.names[joint], limit)
     return legs
 
 
@@ -124,7 +132,7 @@ def bent_posture(model: pin.Model, legs: tuple[Leg, Leg]) -> Vector:
         legs: left and right.
 
     Raises:
-        InvalidValueError: if a leg has no hip and ankle joint parallel to its knee.
+        InvalidValueError: if a leg has no hip and ankle joint parallel to its knee, or a knee that does not bend.
     """
     q = np.clip(pin.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
     q[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -facing(model, legs)), np.zeros(3)))
@@ -184,6 +192,11 @@ def _with_bent_leg(model: pin.Model, leg: Leg, straight: Vector) -> Vector:
     knee, *others = (model.joints[joint].idx_q for joint in (leg.knee, hip, ankle))
     low, high = model.lowerPositionLimit[knee], model.upperPositionLimit[knee]
     q[knee] = np.clip(KNEE_BEND if high > -low else -KNEE_BEND, low, high)
+    if abs(q[knee]) < LEAST_BEND:
+        limit = (
+            f"must bend by {LEAST_BEND} rad at least, for a leg that can be shortened: its limits are {low:g}, {high:g}"
+        )
+        raise InvalidValueError(f"{leg.side.name.lower()} knee", model.names[leg.knee], limit)
     level = np.array(data.oMi[leg.foot].rotation)
 
     def error(angles: Vector) -> Vector:

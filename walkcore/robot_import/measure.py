@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,7 @@ from walkcore.errors import InvalidValueError
 from walkcore.robot_file import load_robot
 from walkcore.robot_import.legs import HALF_SITTING, Leg, bent_posture, find_legs, named_posture
 from walkcore.robot_import.soles import Sole, common_outline, foot_geometry, sole_of
+from walkcore.robot_import.urdf_checks import check_urdf
 from walkcore.values import Matrix, Vector
 
 LOWERED = 0.965  # of the CoM's height in the posture: on the longest step the knees are still bent
@@ -48,7 +50,7 @@ class MeasuredRobot:
     torso: str
     """Link that is held upright."""
     fixed_joints: tuple[str, ...]
-    """Joints without torque or speed, such as those of fingers."""
+    """Joints without torque or speed, or that mimic others, such as those of fingers."""
     srdf: Path | None = None
     """SRDF that has the posture; None where the knees were bent here."""
     posture: str = ""
@@ -96,6 +98,7 @@ def measure(
     Raises:
         InvalidValueError: if it is no biped that could walk, with what is missing.
     """
+    check_urdf(urdf)
     try:
         model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
     except (ValueError, RuntimeError) as error:
@@ -106,7 +109,7 @@ def measure(
     left, right = (sole_of(model, shapes, leg, q) for leg in legs)
     if torso and not model.existFrame(torso):
         raise InvalidValueError("torso", torso, "must be a link of the URDF")
-    return MeasuredRobot(
+    measured = MeasuredRobot(
         urdf=urdf,
         packages=packages,
         model=model,
@@ -115,10 +118,15 @@ def measure(
         soles=(left, right),
         outline=common_outline(left, right),
         torso=torso or _torso(model, legs),
-        fixed_joints=_useless_joints(model, legs),
+        fixed_joints=_joints_to_hold(model, legs, urdf),
         srdf=srdf,
         posture="" if srdf is None else posture,
     )
+    above = float(measured.com_over_foot[2] - left.height)
+    if above <= 0.0:
+        limit = "must be above the soles [m]: the z axis of the robot's base must point up"
+        raise InvalidValueError("height of the CoM", round(above, 3), limit)
+    return measured
 
 
 def _torso(model: pin.Model, legs: tuple[Leg, Leg]) -> str:
@@ -130,15 +138,21 @@ def _torso(model: pin.Model, legs: tuple[Leg, Leg]) -> str:
     return links[0]
 
 
-def _useless_joints(model: pin.Model, legs: tuple[Leg, Leg]) -> tuple[str, ...]:
-    """Joints outside of the legs that have no torque or no speed, or more than one number."""
-    of_legs = {joint for leg in legs for joint in leg.joints}
+def mimic_joints(urdf: Path) -> list[str]:
+    """Names of the joints of a URDF that are to mimic others."""
+    joints = ElementTree.parse(urdf).getroot().iter("joint")
+    return [joint.get("name", "") for joint in joints if joint.find("mimic") is not None]
+
+
+def _joints_to_hold(model: pin.Model, legs: tuple[Leg, Leg], urdf: Path) -> tuple[str, ...]:
+    """Joints outside of the legs that have no torque or no speed, or more than one number, or mimic others."""
+    of_legs, mimics = {joint for leg in legs for joint in leg.joints}, mimic_joints(urdf)
     names: list[str] = []
     for joint in range(2, model.njoints):
         kind = model.joints[joint]
         first = kind.idx_v
         cannot = kind.nv != 1 or kind.nq != 1 or model.effortLimit[first] == 0.0 or model.velocityLimit[first] == 0.0
-        if cannot and joint not in of_legs:
+        if (cannot or model.names[joint] in mimics) and joint not in of_legs:
             names.append(model.names[joint])
     return tuple(names)
 

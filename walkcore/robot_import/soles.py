@@ -2,6 +2,7 @@
 # (Pinocchio and Coal ship no types)
 """The soles of a biped, from the shapes of its feet."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +60,8 @@ def sole_of(model: pin.Model, geometry: pin.GeometryModel, leg: Leg, q: Vector) 
     length, width = (0.0, 0.0) if outline is None else np.ptp(outline, axis=0)
     if outline is None or length < LEAST_LENGTH or width < LEAST_WIDTH:
         raise InvalidValueError(name, f"{length:.3f} m long and {width:.3f} m wide where it is lowest",
-                                f"must be flat over at least {LEAST_LENGTH} by {LEAST_WIDTH} m")  # fmt: skip
+                                f"must be flat over at least {LEAST_LENGTH} by {LEAST_WIDTH} m: "
+                                "on a point there is no CoP to choose")  # fmt: skip
     return Sole(R, lowest, outline)
 
 
@@ -90,7 +92,9 @@ def foot_geometry(model: pin.Model, urdf: Path, packages: Path, legs: Iterable[L
     try:
         shapes = [urdf_shapes(model, urdf, packages, kind) for kind in kinds]
     except (ValueError, RuntimeError) as error:
-        limit = f"a mesh cannot be read: {error}; --packages names the folder where package:// addresses start"
+        missing = re.search(r"Could not load resource (\S+)|(package://\S+|\S+) could not be found", str(error))
+        what = next(filter(None, missing.groups())) if missing else " ".join(str(error).split())
+        limit = f"a mesh cannot be read: {what}; --packages names the folder where package:// addresses start"
         raise InvalidValueError("urdf", urdf.name, limit) from error
     collision, visual = shapes
     moved = {shape.parentJoint for shape in collision.geometryObjects}

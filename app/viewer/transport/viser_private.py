@@ -1,7 +1,7 @@
 """The only module that uses private names of viser, each with the reason why viser's public API does not serve.
 
 `tests/test_viser_contract.py` fails with the name of whatever a new viser changed. The costs were measured with
-Talos at thirty frames a second (`benchmarks/viewer.py`, with `--public` for the scene's handles).
+the default robot at thirty frames a second (`benchmarks/viewer.py`, with `--public` for the scene's handles).
 """
 
 from collections.abc import Iterator, Mapping
