@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from conftest import Server, serving
+from conftest import PATIENCE, Server, serving
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from websockets.sync.client import connect
@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def take(tmp_path, monkeypatch) -> Callable[[bytes], Path]:
     """Makes a run of a file, in this process."""
-    monkeypatch.setattr(upload, "_limit_this_process", lambda: None)
+    monkeypatch.setattr(upload, "limit_this_process", lambda _: None)
 
     def take(content: bytes) -> Path:
         (tmp_path / "upload").write_bytes(content)
@@ -298,3 +298,28 @@ def test_what_is_refused_leaves_nothing_and_says_the_field(api):
         assert sent(api, content).status_code == 413
     assert sent(api, b"tick,t\n0,0\n", robot="/etc/passwd").json()["errors"][0]["field"] == "robot"
     assert len(api.get("runs").json()) == before
+
+
+def test_the_robot_goes_on_from_an_uploaded_recording_or_says_why_not(api, folder):
+    """The server's robot has another control period than the files of the other tests."""
+    walk = scenario_from_mapping(WALK | {"duration": 3.0, "parameters": {}})
+    write_run(record(walk), folder / "live", ("npz", "parquet"))
+    api.post("live/pause")
+    run = sent(api, (folder / "live" / "recording.parquet").read_bytes()).raise_for_status().json()["id"]
+    assert api.get(f"runs/{run}/timeline").json()["no_fork"] == ""
+    live = api.post("live/fork", json={"run": run, "tick": 120}, timeout=PATIENCE).raise_for_status().json()
+    with np.load(folder / "live" / "recording.npz") as file:
+        for tick in (120, 130):
+            assert (live["tick"], live["driver"], live["com_x"]) == (tick, "past", file["com_x"][tick])
+            live = api.post("live/step", json={"ticks": 10}).json()
+    bare = sent(api, (folder / "live" / "recording.npz").read_bytes()).raise_for_status().json()["id"]
+    assert "without run.json" in api.get(f"runs/{bare}/timeline").json()["no_fork"]
+    walks = api.get("live").json()["walk"]
+    for body, status in (
+        ({"run": bare, "tick": 120}, 422),
+        ({"run": run, "tick": 600}, 422),
+        ({"run": run, "tick": 1, "push": {"impulse": [1e6, 0.0]}}, 422),
+        ({"run": "unknown", "tick": 1}, 404),
+    ):
+        assert api.post("live/fork", json=body, timeout=PATIENCE).status_code == status
+    assert api.get("live").json()["walk"] == walks

@@ -14,6 +14,7 @@ from app.live.session_log import write_segments
 from app.robot_choices import RobotChoices
 from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.queue import Converter, RunQueue
+from app.runs.restore import Restorer
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
 from app.runs.run_jobs import WriteSession
 from app.runs.run_writer import RunWriter
@@ -72,6 +73,8 @@ class Runs:
         """Keeps walks that were driven live; see `add_session`."""
         self.uploads = RunWriter(self._store, MAX_UPLOADS, "files are being uploaded")
         """Keeps recordings from elsewhere; see `add_upload`."""
+        self.restorer = Restorer()
+        """Restores ticks of runs, for the live robot to go on from."""
 
     @property
     def folder(self) -> Path:
@@ -87,6 +90,7 @@ class Runs:
         self._converter.stop()
         self.sessions.stop()
         self.uploads.stop()
+        self.restorer.stop()
         self._queue.stop()
         self._store.close()
         if self._temporary is not None:

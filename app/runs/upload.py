@@ -60,7 +60,7 @@ class TakeUpload:
         Raises:
             InvalidValueError: naming what is wrong with the file.
         """
-        _limit_this_process()
+        limit_this_process(PROCESSOR_TIME)
         # Imported here: it loads the readers of all formats, which the server does without.
         from app.formats.foreign_file import read_foreign
 
@@ -99,10 +99,14 @@ class TakeUpload:
         return recording, {"scenario": scenario.source, **told, "expectations": [], HAS_SCENARIO: True}
 
 
-def _limit_this_process() -> None:
-    """Bound the memory and the time that a file can take, whatever is in it."""
+def limit_this_process(processor_time: int) -> None:
+    """Bound the memory and the time that a file can take, whatever is in it.
+
+    Args:
+        processor_time: of this process, from now on [s].
+    """
     bytes_at_most = psutil.Process().memory_info().vms + MEMORY
-    seconds_at_most = math.ceil(time.process_time()) + PROCESSOR_TIME
+    seconds_at_most = math.ceil(time.process_time()) + processor_time
     for kind, limit in ((resource.RLIMIT_AS, bytes_at_most), (resource.RLIMIT_CPU, seconds_at_most)):
         with suppress(ValueError, OSError):  # the system has a lower one, or none of this kind
             resource.setrlimit(kind, (limit, limit))
