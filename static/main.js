@@ -23,6 +23,7 @@ import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
 import { Timeline } from "./timeline.js";
 import { Tour } from "./tour.js";
+import { Uploads } from "./uploads.js";
 import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
@@ -83,6 +84,7 @@ const timeline = new Timeline({
   },
 });
 const presets = new Presets({ onError: showError });
+const uploads = new Uploads({ timeline, robot: () => latest.robot, onError: showError });
 const lessons = new Lessons({ timeline, onError: showError });
 const tour = new Tour();
 const views = new Views({
@@ -129,6 +131,7 @@ const scene = new Scene({
   onLoad: (inner) => {
     keyboard.attach(inner);
     views.attach(inner);
+    uploads.attach(inner);
   },
 });
 
