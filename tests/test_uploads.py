@@ -230,6 +230,10 @@ WRONG_RUNS = {
     "another period": (with_(parameters={"control_period": 0.01}), "run.json.parameters.control_period"),
     "no gravity": (with_(parameters={"gravity": "strong"}), "run.json.parameters.gravity"),
     "no duration": (with_(scenario={"duration": -1}), "duration"),
+    "1001 changes": (
+        with_(scenario={"events": [{"t": 1.0, "parameters": {"alpha": 1e-6}}] * 1001}),
+        "changes of parameters",
+    ),
     "a shorter walk": (with_(scenario={"duration": 2.0}), "rows"),
     "a reason that is none": (with_(metrics={"reason": {}}), "run.json.metrics.reason"),
 }

@@ -27,7 +27,7 @@ from walkcore.values import Vector
 
 MAX_COLUMNS = 600  # a body with 40 joints in physics beside a twin has 220
 MAX_HEADER = 10_000  # bytes of the header of an array
-MAX_RUN_JSON = 8_000_000  # bytes: a minute that was driven by a stick has 2 MB
+MAX_RUN_JSON = 4_000_000  # bytes: a minute that was driven by a stick has 2 MB
 MAX_LINE = 40 * MAX_COLUMNS  # characters of a line of text
 ZIP, PARQUET, MCAP = b"PK\x03\x04", b"PAR1", b"\x89MCAP0\r\n"
 RECORDINGS = (".npz", ".parquet", ".mcap", ".csv")

@@ -1,6 +1,7 @@
 """Recorded runs as something to look at in the live scene: poses and decisions, no states to go on from."""
 
 import asyncio
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -86,11 +87,11 @@ class RunTicks:
             check_robot(scenario.robot.name, robot)
             period = float(recording.parameters["control_period"])
             every = max(1, round(PERIOD / period), -(-len(recording.rows) // MAX_FRAMES))
-            in_force = [scenario.parameters] * len(recording.rows)
-            for row, changed in scenario.parameter_changes():
-                in_force[row:] = [changed] * len(in_force[row:])
+            changes = scenario.parameter_changes()
+            values, rows = [scenario.parameters, *(value for _, value in changes)], [row for row, _ in changes]
             frames = list(replayed(recording, every))
-        return cls(run_id, frames[0].tick, every, frames, in_force[::every], scenario.world)
+            in_force = [values[bisect_right(rows, row)] for row in range(0, len(recording.rows), every)]
+        return cls(run_id, frames[0].tick, every, frames, in_force, scenario.world)
 
     async def at(self, tick: int) -> tuple[Snapshot, Parameters, World]:
         """The frame that is nearest to a tick."""

@@ -26,8 +26,8 @@ from walkcore.values import Vector, check_mapping
 MEMORY = 3 << 30  # bytes of addresses, beside those that the process has at the start
 PROCESSOR_TIME = 60  # [s]
 PACKING = 8  # most bytes of the unpacked content for each that was uploaded may be
-MAX_VALUES = 400_000  # of run.json: a minute that was driven by a stick has 70,000
-MAX_NAME = 200  # characters
+MAX_VALUES = 150_000  # of run.json: a minute that was driven by a stick has 70,000
+MAX_CHANGES = 1000  # of parameters: a live walk takes five a second
 WITHOUT_SCENARIO = "uploaded without run.json: it tells where the robot was, and not what it was commanded"
 HAS_SCENARIO = "has_scenario"
 """Key of run.json: false of an uploaded recording whose scenario is not known."""
@@ -142,6 +142,8 @@ def _scenario(run: Mapping[str, Any], choices: RobotChoices, name: str) -> Scena
     robot = choices.load(run["parameters"].get("robot"))
     named = {"name": name} if name else {}
     scenario = scenario_from_mapping({**run["scenario"], **named, "robot": robot.source})
+    if (nb_changes := len(scenario.parameter_changes())) > MAX_CHANGES:
+        raise InvalidValueError("changes of parameters", nb_changes, f"must be at most {MAX_CHANGES}")
     in_force = parameters_in_force(robot, scenario.parameters)
     for key in ("control_period", "gravity"):  # by which it is drawn
         if run["parameters"].get(key) != in_force[key]:
