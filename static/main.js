@@ -138,7 +138,7 @@ const scene = new Scene({
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", () => saveRecording()]]) {
+for (const [id, act] of [["share", () => copyLink(latest, views.name, teleop.client)], ["save", () => saveRecording()]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
     await act().catch(showError);
@@ -203,7 +203,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
     status.lost();
   },
 });
-offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
+offerLink({ client: teleop.client, onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
 if (isBooth()) new Booth();
 else tour.offer();
 addEventListener("hashchange", () => location.reload()); // a link of the list of presets

@@ -1,8 +1,7 @@
 """Panel beside the scene, in tabs. Its controls are shared by all clients, and only leave requests for the runner."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from functools import partial
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -11,6 +10,7 @@ import viser
 
 from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.runner import LiveState, NoResponseError, Runner
+from app.viewer.layer_choices import LayerChoices
 from app.viewer.panel.method_tab import NOTICE, MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab
 from app.viewer.panel.plots_tab import PlotsTab
@@ -18,6 +18,7 @@ from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
 from app.viewer.scene.scene import Scene
 from app.viewer.transport.client_registry import ClientRegistry
 from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.transport.viser_private import control_id
 from walkcore import Reference
 
 FRAMES_PER_UPDATE = 6  # five updates a second
@@ -59,7 +60,7 @@ class Panel:
         with tabs.add_tab("Drive"):
             self._drive = DriveTab(server, runner, clients, lease)
         with tabs.add_tab("View"):
-            self.view = ViewTab(server, scene)
+            self.view = ViewTab(server, scene, clients)
         with tabs.add_tab("Method"):
             self._method = MethodTab(server, runner)
         with tabs.add_tab("Physics"):
@@ -153,16 +154,21 @@ class DriveTab:
 
 
 class ViewTab:
-    """Switch for each layer, below the legend of their colours."""
+    """Switch for each layer, below the legend of their colours. Each page has its own choice."""
 
-    def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
+    def __init__(self, server: viser.ViserServer, scene: Scene, clients: ClientRegistry) -> None:
         """Make the switches."""
+        self._clients = clients
         swatches = [SWATCH.format(f"rgb{layer.colour}", layer.label) for layer in LAYERS.values() if layer.colour]
         server.gui.add_html(LEGEND.format("".join(swatches)))
-        self._boxes = {
-            name: _add_checkbox(server, layer.label, layer.meaning, layer.is_on, partial(scene.show, name))
+        boxes = {
+            name: server.gui.add_checkbox(layer.label, layer.is_on, hint=layer.meaning)
             for name, layer in LAYERS.items()
         }
+        self.layers = LayerChoices(scene, boxes)
+        """Layers that each page is shown."""
+        self.boxes = {control_id(box): name for name, box in boxes.items()}
+        """Name of the layer that each switch is for, by the switch's id: viser does not hear of them."""
         all_layers = {name: True for name in LAYERS if name not in OPTIONS}
         self._add_button(server, "All", "Draw everything", all_layers)
         self._add_button(server, "Defaults", "Layers shown when the server started", DEFAULT_LAYERS)
@@ -171,30 +177,9 @@ class ViewTab:
         button = server.gui.add_button(label, hint=hint)
 
         @button.on_click
-        async def _(_: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
-            self.switch(layers)
-
-    @property
-    def layers(self) -> dict[str, bool]:
-        """Whether each layer is shown."""
-        return {name: box.value for name, box in self._boxes.items()}
-
-    def switch(self, layers: Mapping[str, bool]) -> None:
-        """Show or hide layers by their switches; belongs to viser's event loop."""
-        for name, is_shown in layers.items():
-            self._boxes[name].value = is_shown
-
-
-def _add_checkbox(
-    server: viser.ViserServer, label: str, hint: str, is_set: bool, apply: Callable[[bool], None]
-) -> viser.GuiCheckboxHandle:
-    box = server.gui.add_checkbox(label, is_set, hint=hint)
-
-    @box.on_update
-    async def _(_: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
-        apply(box.value)
-
-    return box
+        async def _(event: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
+            if event.client is not None:
+                self.layers.switch(self._clients.page(event.client), layers)
 
 
 class SystemTab:
