@@ -27,11 +27,12 @@ SLIDERS = {"vx": ("forward", "m/s"), "vy": ("left", "m/s"), "yaw_rate": ("turn l
 STEP = 0.01  # of a slider
 OPTIONS = ("see_through",)  # layers that the button for all of them leaves alone
 SWATCH = (
-    '<span style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
-    '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{}">'
-    "</i>{}</span>"
+    '<span data-layer="{1}" '
+    'style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
+    '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{0}">'
+    "</i>{1}</span>"
 )
-LEGEND = '<div style="font-size:.76em;line-height:1.5;padding:.5em .6em 0">{}</div>'
+LEGEND = '<div class="layer-legend" style="font-size:.76em;line-height:1.5;padding:.5em .6em 0">{}</div>'
 TABLE = '<table style="font-size:.8em;line-height:1.55;margin:.5em .7em;font-variant-numeric:tabular-nums">{}</table>'
 ROW = '<tr><th style="text-align:left;font-weight:400;opacity:.7;padding-right:1em">{}</th><td>{}</td></tr>'
 
@@ -154,7 +155,10 @@ class DriveTab:
 
 
 class ViewTab:
-    """Switch for each layer, below the legend of their colours. Each page has its own choice."""
+    """Switch for each layer, below the legend of their colours. Each page has its own choice.
+
+    Our page hides the legend and puts each colour beside its switch, which viser cannot.
+    """
 
     def __init__(self, server: viser.ViserServer, scene: Scene, clients: ClientRegistry) -> None:
         """Make the switches."""
