@@ -45,6 +45,7 @@ from app.routes import (
     sockets,
     sweeps,
     timeline,
+    uploads,
 )
 from app.routes.followed_runs import FollowedRuns
 from app.runs import RunLimits, Runs
@@ -161,7 +162,18 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(KnownHostMiddleware, hosts=KnownHosts(settings.host, settings.walk_hosts.split(",")))
     app.add_middleware(TurnMiddleware, urgent=frozenset({HEALTH}))
     app.add_middleware(EndingMiddleware)
-    for routes in (live_robot, timeline, driver_lease, booth, sockets, scripted_runs, lessons, sweeps, service):
+    for routes in (
+        live_robot,
+        timeline,
+        driver_lease,
+        booth,
+        sockets,
+        uploads,
+        scripted_runs,
+        lessons,
+        sweeps,
+        service,
+    ):
         app.include_router(routes.router)
     app.include_router(service.metrics_router)
     app.include_router(scene_router(lambda: switch.viewer, seats))
@@ -179,6 +191,7 @@ def _runs(settings: Settings, choices: RobotChoices) -> Runs:
         bytes_kept=settings.runs_bytes,
         limits=limits,
         choices=choices,
+        upload_bytes=settings.uploads_max_bytes,
     )
 
 

@@ -146,7 +146,7 @@ class RobotSwitch:
         if self._is_stopped.is_set():
             following.stop()
             raise NoResponseError("the server stops")
-        following.viewer.switch(former.viewer.layers).result()  # those of the person who looks
+        following.viewer.take_over(former.viewer).result()  # the layers of those who look
         following.start()
         self._present, before = following, self._former
         self._former = FormerWalk.of(former.runner)

@@ -75,6 +75,8 @@ class Settings(BaseSettings):
     """Most ticks of one run."""
     runs_max_events: int = Field(default=1000, ge=0)
     """Most events of one run."""
+    uploads_max_bytes: int = Field(default=100_000_000, ge=1)
+    """Size of the largest recording that may be uploaded [bytes]."""
     sweeps_queued: int = Field(default=8, ge=1)
     """Sweeps that may wait; one is walked at a time."""
     sweeps_kept: int = Field(default=50, ge=1)

@@ -23,6 +23,7 @@ import { Teleop } from "./teleop.js";
 import { TimeControls } from "./time_controls.js";
 import { Timeline } from "./timeline.js";
 import { Tour } from "./tour.js";
+import { Uploads } from "./uploads.js";
 import { VIEWS, Views } from "./views.js";
 
 const element = (id) => document.getElementById(id);
@@ -83,6 +84,7 @@ const timeline = new Timeline({
   },
 });
 const presets = new Presets({ onError: showError });
+const uploads = new Uploads({ timeline, robot: () => latest.robot, onError: showError });
 const lessons = new Lessons({ timeline, onError: showError });
 const tour = new Tour();
 const views = new Views({
@@ -129,13 +131,14 @@ const scene = new Scene({
   onLoad: (inner) => {
     keyboard.attach(inner);
     views.attach(inner);
+    uploads.attach(inner);
   },
 });
 
 element("zero").addEventListener("click", actions.zero);
 element("help").addEventListener("click", actions.help);
 element("help-gamepad").addEventListener("click", () => gamepadDialog.open());
-for (const [id, act] of [["share", () => copyLink(latest, views.name)], ["save", () => saveRecording()]]) {
+for (const [id, act] of [["share", () => copyLink(latest, views.name, teleop.client)], ["save", () => saveRecording()]]) {
   element(id).addEventListener("click", async ({ currentTarget: button }) => {
     button.disabled = true; // while it takes its time
     await act().catch(showError);
@@ -200,7 +203,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
     status.lost();
   },
 });
-offerLink({ onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
+offerLink({ client: teleop.client, onView: (view) => views.choose(view), onPreset: (name) => presets.play(name), presets: PRESETS, onLesson: (name) => lessons.load(name).catch(showError) });
 if (isBooth()) new Booth();
 else tour.offer();
 addEventListener("hashchange", () => location.reload()); // a link of the list of presets

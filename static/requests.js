@@ -9,13 +9,15 @@ export class UnreachableError extends Error {}
 /**
  * @param {string} method of HTTP
  * @param {string} path below /api/v1/
- * @param {object} [body] sent as JSON
+ * @param {object | Blob} [body] sent as JSON, or as it is
  * @returns {Promise<any>} the response
  * @throws {RefusedError} if the server refuses
  * @throws {UnreachableError} if it cannot be reached
  */
 export async function request(method, path, body) {
-  const options = { method, headers: { "Content-Type": "application/json" }, body: body && JSON.stringify(body) };
+  const isFile = typeof body?.arrayBuffer === "function"; // a file from the frame of the scene is no Blob of this window
+  const headers = { "Content-Type": isFile ? "application/octet-stream" : "application/json" };
+  const options = { method, headers, body: isFile ? body : body && JSON.stringify(body) };
   const response = await fetch(`/api/v1/${path}`, options).catch(() => {
     throw new UnreachableError("The server cannot be reached.");
   });

@@ -118,8 +118,21 @@ function nameControls({ document, MutationObserver }) {
       const row = label.parentElement.parentElement.parentElement;
       for (const control of row.querySelectorAll("[role=slider], input")) control.ariaLabel ||= label.textContent;
     }
+    colourLayers(document);
   };
   new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
+}
+
+/** Put the colour of each layer beside its switch, from the legend, which is hidden then: so each is listed once. */
+function colourLayers(document) {
+  const legend = [...document.querySelectorAll(".layer-legend [data-layer]")];
+  const colours = new Map(legend.map((entry) => [entry.dataset.layer, entry.firstElementChild.style.background]));
+  if (!colours.size) return; // another tab
+  for (const label of document.querySelectorAll("p > label")) {
+    if (!colours.has(label.textContent)) continue;
+    label.dataset.swatch = "";
+    label.style.setProperty("--swatch", colours.get(label.textContent));
+  }
 }
 
 /** Keep the arrow keys of a slider from moving viser's camera, too. */

@@ -9,8 +9,9 @@ const LAYERS = { show: true, hide: false }; // names with blanks between them
 const HOLDING = ["sliders", "rest"]; // drivers whose reference stays until it is changed
 
 /** Copy an address with what differs from the server's own: parameters, layers, speed, a reference that is held, this view. */
-export async function copyLink(live, view) {
-  const [robot, chosen, layers] = await Promise.all(["robot", "parameters", "layers"].map((part) => changed(`live/${part}`)));
+export async function copyLink(live, view, client) {
+  const parts = ["robot", "parameters", `layers?client=${client}`];
+  const [robot, chosen, layers] = await Promise.all(parts.map((part) => changed(`live/${part}`)));
   const name = robot.find(([key]) => key === "name");
   if (name) chosen.unshift(["robot", name[1]]);
   for (const [key, isShown] of Object.entries(LAYERS)) {
@@ -31,7 +32,7 @@ export async function copyLink(live, view) {
 
 /** Values that differ from those that the server started with, as pairs. */
 async function changed(path) {
-  const [now, defaults] = await Promise.all([request("GET", path), request("GET", `${path}/defaults`)]);
+  const [now, defaults] = await Promise.all([request("GET", path), request("GET", `${path.split("?")[0]}/defaults`)]);
   return Object.entries(now).filter(([name, value]) => value !== defaults[name]);
 }
 
@@ -42,7 +43,7 @@ async function copied(text) {
 }
 
 /** Take the view in the address, and offer to apply its other choices: by a button, because they are for everybody. */
-export async function offerLink({ onView, onPreset, presets, onLesson }) {
+export async function offerLink({ client, onView, onPreset, presets, onLesson }) {
   const parts = [location.search, location.hash].flatMap((text) => [...new URLSearchParams(text.slice(1))]);
   const { view, preset, lesson, booth, ...choices } = Object.fromEntries(parts.map(([name, text]) => [name, value(text)]));
   const forget = () => history.replaceState(null, "", location.pathname + (booth === undefined ? "" : location.search));
@@ -56,18 +57,23 @@ export async function offerLink({ onView, onPreset, presets, onLesson }) {
   }
   if (!Object.keys(choices).length) return forget();
   const { robot, speed, vx, vy, yaw_rate, show, hide, ...parameters } = choices;
+  const layers = { ...switched(show, LAYERS.show), ...switched(hide, LAYERS.hide) };
+  if (Object.keys(layers).length) {
+    // Like the view these are of this browser alone.
+    await request("PATCH", `live/layers?client=${client}`, layers).catch((error) => notify(error.message, { level: "bad" }));
+  }
+  const shared = Object.entries(choices).filter(([name]) => !(name in LAYERS));
+  if (!shared.length) return forget();
   const apply = async () => {
     forget();
     if (robot !== undefined) await request("PUT", "live/robot", { robot }); // the rest is of it
     if (Object.keys(parameters).length) await request("PATCH", "live/parameters", parameters);
-    const layers = { ...switched(show, LAYERS.show), ...switched(hide, LAYERS.hide) };
-    if (Object.keys(layers).length) await request("PATCH", "live/layers", layers);
     if (speed !== undefined) await request("POST", "live/speed", { factor: speed });
     const reference = Object.fromEntries(Object.entries({ vx, vy, yaw_rate }).filter(([, part]) => part !== undefined));
     if (Object.keys(reference).length) await request("PUT", "live/reference", reference);
     notify("Applied.");
   };
-  notify(`This link asks for ${inWords(Object.entries(choices))}. It changes the robot for everybody who watches.`, {
+  notify(`This link asks for ${inWords(shared)}. It changes the robot for everybody who watches.`, {
     actions: [
       { text: "Apply", onClick: () => apply().catch((error) => notify(error.message, { level: "bad" })) },
       { text: "Leave it", onClick: forget },

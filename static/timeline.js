@@ -7,6 +7,7 @@ const POLL_PERIOD = 500; // ms
 const MOST_RUNS = 30; // in the menu, the latest
 const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
 const NAMES = { 0.05: "1/20 ×", 0.1: "1/10 ×", 0.25: "1/4 ×", 0.5: "1/2 ×" };
+const [GO_ON, RESTORING] = ["Go on from here", "Restoring …"];
 const NEW_WALK = "The walk began anew, so this is the present again.";
 
 const element = (id) => document.getElementById(id);
@@ -81,7 +82,6 @@ export class Timeline {
     this.leave();
     this.run = this.source.value = run;
     this.line = null;
-    element("go-on").disabled = run !== ""; // a recording has poses, and no states to go on from
     await this.load();
     if (run && run === this.run && this.line) this.seek(this.line.first_tick);
   }
@@ -172,7 +172,6 @@ export class Timeline {
     if (this.run) {
       this.run = this.source.value = "";
       this.line = null;
-      element("go-on").disabled = false;
       if (this.isOpen) this.load();
     }
     document.body.classList.remove("is-past");
@@ -220,13 +219,19 @@ export class Timeline {
   /** Let the walk go on from the moment that is shown, as the menu says. */
   async goOn() {
     if (this.tick === null) return this.onTrouble("Choose an earlier moment first.");
+    if (this.line.no_fork) return this.onTrouble(`There is no going on from here: ${this.line.no_fork}.`);
     const change = {
       same: {},
       present: { present_parameters: true },
       push: { push: { impulse: this.impulse() } },
       hand: { present_parameters: true, follow: false },
     }[element("go-on-with").value];
-    const live = await this.request("POST", "live/fork", { tick: this.tick, ...change });
+    const button = element("go-on");
+    button.disabled = true;
+    if (this.run) button.textContent = RESTORING; // it is walked again up to there
+    const live = await this.request("POST", "live/fork", { tick: this.tick, run: this.run, ...change });
+    button.disabled = false;
+    button.textContent = GO_ON;
     if (!live) return; // refused, and said so
     this.leave();
     if (!live.running) await this.request("POST", "live/resume");

@@ -375,7 +375,7 @@ def test_documentation_lists_every_route(server):
     services = {f"/api/v1/{name}" for name in ("health", "robots", "scenarios", "session", "live")}
     runs = {
         f"/api/v1/runs{rest}"
-        for rest in ("", "/{run_id}", *(f"/{{run_id}}/{file}" for file in (*RUN_FILES, "timeline")))
+        for rest in ("", "/upload", "/{run_id}", *(f"/{{run_id}}/{file}" for file in (*RUN_FILES, "timeline")))
     }
     sweeps = {f"/api/v1/sweeps{rest}" for rest in ("", "/{sweep_id}", "/{sweep_id}/events", "/{sweep_id}/{name}")}
     lessons = {"/api/v1/lessons", "/api/v1/lessons/{name}/outcome"}

@@ -19,7 +19,7 @@ from app.live.session_log import Session
 from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
 from app.runs import Run, RunLimits, Runs, RunsUnavailableError, UnknownRunError
 from app.runs.run import RunProgress
-from app.runs.session_keeper import MAX_SAVES
+from app.runs.runs import MAX_SAVES
 from walkcore import Parameters, load_robot
 
 HRP2 = load_robot("hrp2")

@@ -5,6 +5,7 @@ import base64
 import logging
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -247,3 +248,13 @@ def test_what_is_under_way_when_the_server_stops_ends_without_a_traceback(caplog
         assert request.recv(1000).startswith(b"HTTP/1.1 503")
     end.close()
     assert len(ENDED) == 2 and not tracebacks(caplog)
+
+
+def test_a_long_body_has_time_as_long_as_it_comes(address):
+    """6 MB at the beginning earn a minute."""
+    with socket.create_connection(address) as end:
+        end.sendall(b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 6000001\r\n\r\n" + bytes(6_000_000))
+        time.sleep(2 * connections.REQUEST_TIMEOUT)
+        end.sendall(b"x")
+        end.settimeout(PATIENCE)
+        assert end.recv(100).startswith(b"HTTP/1.1 200")

@@ -18,6 +18,7 @@ from app.routes import (
     sockets,
     sweeps,
     timeline,
+    uploads,
 )
 from walkcore import load_scenario, scenario_names
 from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
@@ -37,7 +38,18 @@ WRITTEN = {  # by commands, to a user's folder
 ROUTERS = (
     *(
         module.router
-        for module in (live_robot, timeline, driver_lease, booth, scripted_runs, lessons, sweeps, service, sockets)
+        for module in (
+            live_robot,
+            timeline,
+            driver_lease,
+            booth,
+            uploads,
+            scripted_runs,
+            lessons,
+            sweeps,
+            service,
+            sockets,
+        )
     ),
     service.metrics_router,
 )

@@ -143,6 +143,9 @@ REACHED = """async (names) => {
   const isInside = left >= 0 && top >= scene.top && right <= inner.right && bottom <= scene.top + inner.bottom;
   const found = isInside ? [] : ["the card is outside"];
   if (card.scrollWidth > card.clientWidth) found.push("the card is too narrow");
+  const isLonger = card.scrollHeight > card.clientHeight; // scripts scroll what a person cannot
+  const canScroll = ["auto", "scroll"].includes(getComputedStyle(card).overflowY);
+  if (isLonger && !canScroll) found.push("the card cannot be scrolled");
   for (const e of card.querySelectorAll(names)) {
     e.scrollIntoView({ block: "center" });
     const box = e.getBoundingClientRect();

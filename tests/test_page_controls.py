@@ -372,11 +372,12 @@ def test_random_pushes_are_a_mode_that_every_browser_shows(visit, api):
 def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit, api, server):
     before, layers = api.get("live/parameters").json(), api.get("live/layers").json()
     try:
-        api.patch("live/layers", json={"velocity": True, "trails": True, "robot": False}).raise_for_status()
         api.patch("live/parameters", json={"scheme": "speed_and_jerk", "alpha": 2e-6})
         api.put("live/reference", json={"vx": 0.1})
         page = visit(**DESKTOP, permissions=["clipboard-read", "clipboard-write"])
         wait_for(lambda: live(api)["driver"] == "rest")
+        chosen_layers = {"velocity": True, "trails": True, "robot": False}
+        api.patch(f"live/layers?client={client_of(page)}", json=chosen_layers).raise_for_status()
         page.keyboard.press("3")
         page.get_by_role("button", name="Copy link").click()
         expect(page.locator("#notices")).to_contain_text("Link copied: scheme speed and jerk")
@@ -385,21 +386,27 @@ def test_link_carries_what_was_chosen_and_asks_before_it_changes_the_robot(visit
         assert link == f"{server.url}#{chosen}"
 
         api.patch("live/parameters", json=before)
-        api.patch("live/layers", json=layers)
         api.put("live/reference", json={})
         other = visit(link)
+        wait_for(lambda: api.get(f"live/layers?client={client_of(other)}").json() == layers | chosen_layers)
         expect(other.locator("#notices")).to_contain_text("changes the robot for everybody")
         assert api.get("live/parameters").json() == before
         expect(other.get_by_role("button", name="Side")).to_have_attribute("aria-pressed", "true")
         other.get_by_role("button", name="Apply").click()
         expect(other.locator("#notices")).to_contain_text("Applied")
         assert api.get("live/parameters").json() == before | {"scheme": "speed_and_jerk", "alpha": 2e-6}
-        assert api.get("live/layers").json() == layers | {"velocity": True, "trails": True, "robot": False}
+        assert api.get("live/layers").json() == layers, "those of others"
         wait_for_reference(api, vx=1)
         assert other.url == server.url
     finally:
         api.patch("live/parameters", json=before)
-        api.patch("live/layers", json=layers)
+
+
+def client_of(page: Page) -> str:
+    """Name of a page's controls, by the address of its scene's websocket."""
+    found = re.search(r"client%3D([\w-]+)", page.locator("#viewer").get_attribute("src") or "")
+    assert found is not None
+    return found[1]
 
 
 @pytest.mark.exhaustive

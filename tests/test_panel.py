@@ -6,17 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import wait_for
+from scene_reader import latest
 
 from app.viewer import LIGHT
 from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.panel import ViewTab
 from app.viewer.panel.plots_tab import PLOTS, PlotsTab, plotted
 from app.viewer.scene.layers import DEFAULT_LAYERS
+from app.viewer.scene.robot import TRANSLUCENT
 from app.viewer.scene.scene import Scene
+from app.viewer.transport.client_registry import ClientRegistry
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Command, Parameters, Reference, Simulation, WalkError, load_robot
 
+DEFAULT_SHOWN = {name for name, is_on in DEFAULT_LAYERS.items() if is_on}
 REFERENCES = [(4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (3.0, Reference())]
 
 
@@ -72,14 +75,36 @@ def test_plots_show_the_cop_within_its_bounds_and_the_velocity_with_its_referenc
             assert low - 1e-6 <= cop <= high + 1e-6 and true_cop == cop  # a point mass
 
 
-def test_layers_that_a_program_switches_are_drawn_or_hidden_and_shown_by_their_switches(viser_server):
+def test_each_page_has_its_own_layers_in_its_scene_and_in_its_switches(viser_server):
+    scene = Scene(viser_server, load_robot("talos"), LIGHT)
+    layers = ViewTab(viser_server, scene, ClientRegistry(viser_server)).layers
+    layers.switch("one", {"velocity": True, "robot": False, "trails": True, "see_through": True})
+    assert layers.of("one") == DEFAULT_LAYERS | {"velocity": True, "robot": False, "trails": True, "see_through": True}
+    assert layers.of("two") == layers.of_new_pages == DEFAULT_LAYERS
+    chosen = {name for name, is_shown in layers.of("one").items() if is_shown}
+    assert layers.drawn(["one"]) == chosen and layers.drawn(["two"]) == DEFAULT_SHOWN
+    assert layers.drawn(["one", "two"]) == chosen | DEFAULT_SHOWN
+    for page, is_changed in (("one", True), ("two", False)):
+        updates = layers.updates(page)
+        visible, opacity = latest(updates, "visible"), latest(updates, "opacity")
+        assert visible["/w/velocity"] is is_changed and visible["/w/robot"] is not is_changed
+        trails = [is_shown for name, is_shown in visible.items() if name.endswith("/at_com/trails")]
+        assert trails == [is_changed] * 6 and len(opacity) > 20
+        assert {value for value in opacity.values()} == {TRANSLUCENT if is_changed else None}
+        boxes = [m["updates"]["value"] for m in updates.changes(0) if m["type"] == "GuiUpdateMessage"]
+        assert boxes == list(layers.of(page).values())
+    layers.switch_all({"margin": True})
+    assert all(layers.of(page)["margin"] for page in ("one", "two", "three"))
+
+
+def test_another_scene_takes_the_choices_over(viser_server):
     scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
-    tab = ViewTab(viser_server, scene)
-    assert tab.layers == DEFAULT_LAYERS
-    tab.switch({"velocity": True, "robot": False})
-    wait_for(lambda: "robot" not in scene.shown)
-    assert scene.shown == {name for name, is_on in tab.layers.items() if is_on}
-    assert scene.shown ^ {name for name, is_on in DEFAULT_LAYERS.items() if is_on} == {"velocity", "robot"}
+    before, after = (ViewTab(viser_server, scene, ClientRegistry(viser_server)).layers for _ in range(2))
+    before.switch("one", {"robot": False})
+    before.switch_all({"margin": True})
+    after.take_over(before)
+    for page in ("one", "two"):
+        assert after.of(page) == before.of(page)
 
 
 class Client:

@@ -1,9 +1,11 @@
 """Earlier ticks of the live walk by REST and in one browser's scene, while the others go on seeing the present."""
 
+import asyncio
 import json
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from types import SimpleNamespace
 
 import httpx
 import msgspec
@@ -15,10 +17,13 @@ from test_transport import CAMERA
 from websockets.sync.client import connect
 
 from app.live.session_log import Session, SessionLog
+from app.routes.past_run import RunTicks
 from app.viewer.past_look import NodesThatExist, PastLook
 from app.viewer.scene.frame import LIGHT
 from app.viewer.scene.scene import Scene
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
+from walkcore.scenario.recording import record
+from walkcore.scenario.scenario import scenario_from_mapping
 
 
 @pytest.fixture(scope="module")
@@ -209,3 +214,13 @@ def test_nodes_that_exist_take_everything():
     nodes = NodesThatExist()
     nodes.scene.add_frame("/a", visible=False).position = (0.0, 0.0, 0.0)
     nodes.initial_camera.fov = 1.0
+
+
+def test_a_recorded_run_is_shown_with_the_parameters_that_were_in_force(tmp_path):
+    changes = [{"t": t, "parameters": {"alpha": alpha}} for t, alpha in ((0.4, 2e-6), (0.8, 3e-6))]
+    walk = {"robot": "hrp2", "duration": 1.0, "parameters": {"control_period": 0.02}, "events": changes}
+    record(scenario_from_mapping(walk)).write(tmp_path)
+    runs = SimpleNamespace(file=lambda _, name: tmp_path / name)
+    ticks = asyncio.run(RunTicks.opened("a", runs, load_robot("hrp2")))  # pyright: ignore[reportArgumentType]
+    alphas = [asyncio.run(ticks.at(tick))[1].alpha for tick in (0, 19, 20, 39, 40, 49)]
+    assert alphas == [Parameters.alpha] * 2 + [2e-6] * 2 + [3e-6] * 2

@@ -4,15 +4,18 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import viser
 
 from app.viewer.scene.drag_push import spring_force
 from app.viewer.scene.frame import LIGHT
 from app.viewer.scene.proportions import HEIGHT, Proportions
-from app.viewer.scene.pushes import arrow_away, arrow_from
+from app.viewer.scene.pushes import CHEST, arrow_away, arrow_from
+from app.viewer.scene.robot_mesh import shared_parts
 from app.viewer.scene.scene import WORLD, Scene
 from walkcore import Parameters, Simulation, load_robot, robot_names
+from walkcore.motion.body_model import load_model
 from walkcore.robot import Robot
 
 LEVEL = np.array([0.5, -0.5, 0.5, -0.5])  # a camera that looks along x, with z up
@@ -53,6 +56,27 @@ def test_the_strongest_push_of_a_robot_is_an_arrow_about_as_long_as_its_legs(nam
     robot = load_robot(name)
     arrow = length(arrow_away(np.array([robot.max_push, 0.0]), 1.0, Proportions.of(robot)))
     assert 0.5 * robot.com_height < arrow < 1.4 * robot.com_height
+
+
+@pytest.mark.parametrize("name", ["talos", "g1", "alexander"])
+def test_the_arrow_of_the_lightest_push_lies_outside_the_body(name):
+    robot = load_robot(name)
+    assert robot.body is not None
+    snapshot = Simulation(robot, robot.parameters).step()
+    model = load_model(robot.body)
+    data = model.createData()
+    pin.forwardKinematics(model, data, snapshot.q)
+    places = [
+        part.vertices @ data.oMi[part.joint].rotation.T + data.oMi[part.joint].translation
+        for part in shared_parts(robot.body, LIGHT.face_ratio)
+    ]
+    from_com = np.vstack(places) - [*snapshot.com.position, CHEST * snapshot.com_height]
+    size = Proportions.of(robot).size
+    level = from_com[np.abs(from_com[:, 2]) < 0.05 * size]  # the arrow's
+    for direction in np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]):
+        near_end = arrow_away(0.01 * direction, 0.0, Proportions.of(robot))[0, 0, :2] @ direction
+        in_the_way = level[np.abs(level[:, :2] @ direction[::-1]) < 0.05 * size]
+        assert near_end > np.max(in_the_way[:, :2] @ direction, initial=0.0)
 
 
 def test_dots_and_camera_of_a_scene_follow_the_size(viser_server: viser.ViserServer):

@@ -24,6 +24,7 @@ from app.viewer.scene.pushes import SECONDS_SHOWN, arrow_away, effect_of_push
 from app.viewer.scene.robot import LYING, Topple
 from app.viewer.scene.robot_mesh import BodyPart, closed
 from app.viewer.scene.scene import SECTION, WORLD, Scene
+from app.viewer.transport.client_registry import ClientRegistry
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.motion.body_model import load_model
@@ -125,11 +126,11 @@ def test_a_new_layer_is_one_entry(viser_server, walk, monkeypatch):
     layer = Layer("heading", "Direction that the robot faces", (1, 2, 3), Heading)
     monkeypatch.setitem(LAYERS, "heading", layer)
     scene = Scene(viser_server, load_robot("hrp2"), LIGHT)
-    tab = ViewTab(viser_server, scene)
+    tab = ViewTab(viser_server, scene, ClientRegistry(viser_server))
     draw(scene, walk[-1])
     x, y, _ = latest(scene.updates, "position")[f"{WORLD}/heading/axes"]
     assert (x, y) == pytest.approx(walk[-1].com.position, abs=1e-4)
-    assert tab.layers["heading"] is True
+    assert tab.layers.of("")["heading"] is True
 
 
 def test_every_layer_has_a_meaning_and_those_of_one_colour_are_told_apart():
@@ -162,7 +163,7 @@ def test_footprints_and_trails_hold_what_happened_while_they_were_hidden(scene, 
     draw(scene, walk[-1], walk[-1], walk[-1])
     visible = latest(scene.updates, "visible")
     assert sum(visible[name] for name in visible if "/footprints/" in name) == 2 * PRINTS_PER_FOOT
-    trail = latest(scene.updates, "points")[f"{WORLD}/com/at_com/trail"]
+    trail = latest(scene.updates, "points")[f"{WORLD}/com/at_com/trails/trail"]
     assert trail.shape == (TRAIL_POINTS - 1, 2, 3)
     assert np.hypot(*trail[0, 0, :2]) > 0.3  # two seconds ago
 
@@ -174,7 +175,7 @@ def test_lines_start_at_the_point_and_follow_the_plan(scene, walk):
     draw(scene, snapshot, snapshot, snapshot)
     points, com = latest(scene.updates, "points"), snapshot.com.position
     for layer, now, later in (("com", com, snapshot.plan.com), ("capture_point", snapshot.dcm, snapshot.plan.dcm)):
-        line = points[f"{WORLD}/{layer}/at_com/preview"][:, :, :2]
+        line = points[f"{WORLD}/{layer}/at_com/preview/line"][:, :, :2]
         assert line[:, 0] == pytest.approx(np.vstack([now, later[:-1]]) - com, abs=1e-4)
         assert line[:, 1] == pytest.approx(later - com, abs=1e-4)
 

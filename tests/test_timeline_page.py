@@ -1,11 +1,12 @@
 """The time line of the page: looking back, tick by tick and playing, and going on from there."""
 
+import base64
 from collections.abc import Iterator
 
 import httpx
 import pytest
 from conftest import PATIENCE, Server, wait_for
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, FilePayload, Page, expect
 
 SCENE = "<!doctype html><html><body><div data-dock-root><div></div></div></body></html>"
 
@@ -99,9 +100,64 @@ def test_a_saved_run_is_opened_from_the_menu(page, api):
     page.locator(f"#past-of option[value='{run}']").wait_for(state="attached")
     page.locator("#past-of").select_option(run)
     at(page, 0)
-    assert page.locator("#go-on").is_disabled()
     page.locator("#mark-on").click()
     expect(page.locator("#moment-text")).to_have_text("0.76 s")
     page.locator("#present").click()
     expect(page.locator("#moment-text")).to_have_text("now", timeout=1e3 * PATIENCE)
-    assert page.locator("#go-on").is_enabled()
+
+
+@pytest.fixture
+def files(api: httpx.Client) -> list[FilePayload]:
+    """Files of a walk: the recording, and its run.json."""
+    run = api.post("live/save", json={"name": "from elsewhere"}).raise_for_status().json()["id"]
+    names = ("recording.npz", "run.json")
+    contents = [api.get(f"runs/{run}/{name}").raise_for_status().content for name in names]
+    api.delete(f"runs/{run}").raise_for_status()
+    return [
+        FilePayload(name=name, mimeType="application/octet-stream", buffer=content)
+        for name, content in zip(names, contents, strict=True)
+    ]
+
+
+def test_a_recording_that_is_chosen_is_opened_and_the_robot_goes_on_from_it(page, api, files):
+    api.post("live/reset")
+    page.locator("#recording-file").set_input_files(files)
+    at(page, 0)
+    assert page.locator("#past-of option:checked").inner_text() == "from elsewhere"
+    page.locator("#mark-on").click()
+    at(page, 151)
+    page.locator("#go-on").click()
+    expect(page.locator("#go-on")).to_be_disabled()
+    wait_for(lambda: (api.get("live").json()["fork"] or {}).get("tick") == 151)
+    expect(page.locator("#go-on")).to_have_text("Go on from here", timeout=1e3 * PATIENCE)
+    expect(page.locator("#moment-text")).to_have_text("now", timeout=1e3 * PATIENCE)
+
+
+def test_a_recording_that_is_dropped_on_the_scene_says_why_there_is_no_going_on_without_its_run_json(page, files):
+    frame = page.locator("#viewer").element_handle().content_frame()
+    assert frame is not None
+    transfer = frame.evaluate_handle(
+        """([name, content]) => {
+          const transfer = new DataTransfer();
+          transfer.items.add(new File([Uint8Array.from(atob(content), (c) => c.charCodeAt(0))], name));
+          return transfer;
+        }""",
+        ["walk.npz", base64.b64encode(files[0]["buffer"]).decode()],
+    )
+    scene = frame.locator("body")
+    scene.dispatch_event("dragover", {"dataTransfer": transfer})
+    expect(page.locator("body")).to_contain_class("is-dropping")
+    scene.dispatch_event("drop", {"dataTransfer": transfer})
+    at(page, 0)
+    expect(page.locator("body")).not_to_contain_class("is-dropping")
+    assert page.locator("#past-of option:checked").inner_text() == "walk"
+    page.locator("#go-on").click()
+    expect(page.locator("#notices")).to_contain_text("without run.json")
+
+
+def test_what_is_no_recording_is_refused_with_its_reason(page):
+    for name, reason in (("picture.png", "no recording here"), ("walk.csv", "must be a recording")):
+        payload = FilePayload(name=name, mimeType="text/plain", buffer=b"hello")
+        page.locator("#recording-file").set_input_files([payload])
+        expect(page.locator("#notices")).to_contain_text(reason, timeout=1e3 * PATIENCE)
+    expect(page.locator("#open-file")).to_be_enabled()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -22,7 +23,8 @@ from app.live.live_state import LiveState
 from app.live.tick_scheduler import TickScheduler
 from app.viewer import LIGHT_PATH, Viewer
 from app.viewer.scene.scene import add_key_light
-from app.viewer.transport.broadcaster import Encoder
+from app.viewer.transport import broadcaster
+from app.viewer.transport.broadcaster import Broadcaster, Encoder
 from app.viewer.transport.client_registry import ClientRegistry
 from app.viewer.transport.scene_updates import SceneUpdates
 from app.viewer.transport.viser_private import nb_message_ids
@@ -226,3 +228,33 @@ def test_scene_tells_which_page_it_belongs_to_until_it_is_closed(viser_server, c
     own_suns(viser_server, "/?client=mine", lambda _: pages == ["mine"])
     wait_for(lambda: not clients.is_open("mine"))
     own_suns(viser_server, "/", lambda _: pages == ["mine", ""])
+
+
+def test_what_is_a_clients_own_comes_once_and_again_after_another_scene(monkeypatch):
+    """A client that was shown another scene has its layers: all of its own are sent again, the latest values."""
+    transport = SimpleNamespace(is_closing=lambda: False, get_write_buffer_size=lambda: 0)
+    sent: list[list[Any]] = []
+    connection = SimpleNamespace(transport=transport)
+    monkeypatch.setattr(broadcaster, "connections", lambda _: {0: connection, 1: connection})
+    monkeypatch.setattr(broadcaster, "broadcast", lambda _, batch: sent.append(decoded(batch)))
+    server: Any = None
+    sender = Broadcaster(server)
+    sender.last_sent = {0: -1, 1: -1}  # both have viser's own messages
+    shared, past, own, none = (SceneUpdates() for _ in range(4))
+    shared.position("/robot", (1.0, 0.0, 0.0))
+    past.position("/robot", (2.0, 0.0, 0.0))
+
+    def names(others: Any = MappingProxyType({})) -> list[list[str]]:
+        sent.clear()
+        sender.send(shared, others, lambda client: none if client else own)
+        return [[message["name"] for message in batch] for batch in sent]
+
+    own.visible("/a", True)
+    own.visible("/b", True)
+    assert names() == [["/robot"], ["/a", "/b"]]
+    assert names() == []
+    own.visible("/b", False)
+    assert names() == [["/b"]]
+    assert names({0: past}) == [["/robot"], ["/a", "/b"]]
+    assert names({0: past}) == []
+    assert names() == [["/robot"], ["/a", "/b"]] and sent[1][1]["visible"] is False

@@ -8,6 +8,8 @@ from conftest import PATIENCE, wait_for
 from playwright.sync_api import expect
 from pointers import Finger, Mouse, centre
 
+from app.viewer.scene.layers import LAYERS
+
 LOSE_FOCUS = "window.dispatchEvent(new Event('blur'))"
 DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
@@ -118,3 +120,16 @@ def assert_panel_covers_nothing(page):
         return not any(overlap(boxes["panel"], box) for box in taken)
 
     wait_for(is_clear)
+
+
+@pytest.mark.exhaustive
+def test_each_layer_is_listed_once_with_its_colour_beside_its_switch(visit):
+    page = visit(**DESKTOP)
+    page.locator("#panel").click()
+    inner = page.frame_locator("[data-testid=viewer]")
+    inner.get_by_role("tab", name="View").click(timeout=1e3 * PATIENCE)
+    for layer in LAYERS.values():
+        listed = inner.get_by_text(layer.label, exact=True).filter(visible=True)
+        expect(listed).to_have_count(1, timeout=1e3 * PATIENCE)
+        colour = listed.evaluate("(label) => getComputedStyle(label, '::after').backgroundColor")
+        assert colour == (f"rgb{layer.colour}" if layer.colour else "rgba(0, 0, 0, 0)"), layer.label

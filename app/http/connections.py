@@ -23,6 +23,7 @@ from app.http.guards import refuse
 
 SEND_BUFFER = 32 * 1024  # bytes the system holds for a slow reader: what is in there cannot be overtaken by newer
 REQUEST_TIMEOUT = 10.0  # [s] from the first byte of a request, or the connection's beginning, to its last
+LEAST_RATE = 100e3  # bytes a second, at which a long body has more time than that
 MAX_WAITING = 128  # connections without a request, all addresses together
 MAX_OPEN = 768  # connections
 MAX_OPEN_BY_ADDRESS = 256  # connections; a proxy's address stands for all that come by it
@@ -121,6 +122,7 @@ class LimitedProtocol(H11Protocol):
         """See uvicorn."""
         super().__init__(*args, **kwargs)
         self._deadline: asyncio.TimerHandle | None = None
+        self._began_at, self._nb_received = 0.0, 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Take the connection, or close it if there are too many."""
@@ -134,6 +136,7 @@ class LimitedProtocol(H11Protocol):
         """Hand data on; a request that begins with them has a deadline."""
         if self._deadline is None and self.conn.their_state is h11.IDLE:
             self._begin_to_wait()
+        self._nb_received += len(data)
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
             self.limits.serve(self.transport)
@@ -158,7 +161,16 @@ class LimitedProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def _begin_to_wait(self) -> None:
-        self._deadline = self.loop.call_later(REQUEST_TIMEOUT, self.limits.close, self.transport)
+        self._began_at, self._nb_received = self.loop.time(), 0
+        self._deadline = self.loop.call_later(REQUEST_TIMEOUT, self._check_deadline)
+
+    def _check_deadline(self) -> None:
+        """Close the connection, unless a body comes fast enough."""
+        deadline = self._began_at + REQUEST_TIMEOUT + self._nb_received / LEAST_RATE
+        if self.loop.time() < deadline:
+            self._deadline = self.loop.call_at(deadline, self._check_deadline)
+        else:
+            self.limits.close(self.transport)
 
     def _end_waiting(self) -> None:
         self.limits.serve(self.transport)

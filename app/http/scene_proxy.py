@@ -50,30 +50,30 @@ def scene_router(viewer: Callable[[], Viewer], seats: Seats) -> APIRouter:
 
     @router.websocket("/viewer")
     async def scene(browser: WebSocket, client: Client = "") -> None:
-        await _seat(browser, viewer(), seats, f"/?{urlencode({'client': client})}")
+        await _seat(browser, viewer(), seats, "/", client)
 
     @router.websocket("/viewer/light")
     async def light_scene(browser: WebSocket, client: Client = "") -> None:
-        await _seat(browser, viewer(), seats, f"{LIGHT_PATH}?{urlencode({'client': client})}")
+        await _seat(browser, viewer(), seats, LIGHT_PATH, client)
 
     return router
 
 
-async def _seat(browser: WebSocket, viewer: Viewer, seats: Seats, path: str) -> None:
+async def _seat(browser: WebSocket, viewer: Viewer, seats: Seats, path: str, page: str) -> None:
     """Connect a browser with viser if there is a place for it."""
     if not seats.has_room(browser):
         await browser.close(CloseCode.TRY_AGAIN_LATER)
         return
     with seats.taken():
-        await _proxy(browser, viewer, path)
+        await _proxy(browser, viewer, path, page)
 
 
-async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
+async def _proxy(browser: WebSocket, viewer: Viewer, path: str, page: str) -> None:
     """Connect a browser with viser."""
     try:
         upstream = await unix_connect(
             str(viewer.socket),
-            f"ws://localhost{path}",
+            f"ws://localhost{path}?{urlencode({'client': page})}",
             subprotocols=browser.scope["subprotocols"],  # viser closes a connection that does not name its own
             compression=None,
             close_timeout=CLOSE_TIMEOUT,
@@ -85,7 +85,7 @@ async def _proxy(browser: WebSocket, viewer: Viewer, path: str) -> None:
         return
     async with upstream:
         await browser.accept(subprotocol=upstream.subprotocol)
-        await _relay(browser, upstream, viewer.client_messages(role_of(browser) == "operator"))
+        await _relay(browser, upstream, viewer.client_messages(role_of(browser) == "operator", page))
 
 
 async def _relay(browser: WebSocket, upstream: ClientConnection, messages: ClientMessages) -> None:

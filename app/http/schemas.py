@@ -90,7 +90,13 @@ class SaveBody(Body):
 class ForkBody(Body):
     """The tick from which the walk goes on anew, and what is to be different from then on."""
 
-    tick: int = Field(ge=0, le=MAX_TICK, description="One that `GET /api/v1/live/timeline` lists.")
+    tick: int = Field(ge=0, le=MAX_TICK, description="One that `GET /api/v1/live/timeline` lists, or that of the run.")
+    run: str = Field(
+        default="",
+        max_length=64,
+        description="Id of a recorded run of this robot to go on from; empty for the present walk. It is walked again "
+        "up to the tick, which takes a while, and refused where that does not lead to the same numbers.",
+    )
     parameters: dict[str, Any] = Field(
         default={}, max_length=100, description="Changed from those in force at that tick; their later changes are not."
     )
@@ -138,6 +144,7 @@ class TimelineBody(BaseModel):
     last_tick: int
     control_period: float = Field(description="From one tick to the next [s].")
     marks: list[MarkBody] = Field(description="Pushes, falls, changed parameters, and the last fork.")
+    no_fork: str = Field(default="", description="Why no tick can be gone on from; empty where one may be.")
 
 
 class TeleopMessage(Body):

@@ -10,6 +10,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from app.live.command_source import CommandSource
@@ -17,7 +18,7 @@ from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand, SolveCounts
 from app.live.messages import reason
 from app.live.plant_choice import AS_CHOSEN, PlantChoice, suitable_plant
-from app.live.session_log import SessionLog
+from app.live.session_log import SessionLog, read_packed
 from app.live.tick_scheduler import TickScheduler
 from app.live.timeline import Marks, Timeline
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
@@ -343,22 +344,33 @@ class Control:
             raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
         return segment.data
 
-    def fork(self, fork: Fork) -> Parameters:
-        """Go on from an earlier tick of the present walk, and return all parameters; time passes as before.
+    def fork(self, fork: Fork, segments: Path | None = None) -> Parameters:
+        """Go on from an earlier tick, and return all parameters; time passes as before.
 
         The walk that was counts as the walk before the last reset, for whoever wants to save it.
+
+        Args:
+            fork: the tick, and what is to be different.
+            segments: file of another walk of this robot that holds the tick; None for the present walk.
 
         Raises:
             WalkError: if that cannot be; the present walk goes on then.
         """
-        kept = self._log.kept()
+        kept = self._log.kept() if segments is None else read_packed(segments)
         simulation = restored(self._robot, kept, fork.tick, self._stopwatch)
+        if (period := simulation.parameters.control_period) != self.parameters.control_period:
+            limit = f"must be {self.parameters.control_period:g} s, as that of the robot that walks"
+            raise InvalidValueError("control_period", period, limit)
         base = self.parameters if fork.has_present_parameters else simulation.parameters
         parameters = base.changed(fork.parameters)
         simulation.change(parameters)
         simulation.keep_twin_ready()
         self._forked = ForkedWalk(fork, kept, self._robot, parameters)
-        self._log.fork(simulation, fork.tick)
+        self._log.fork(simulation, kept, fork.tick)
+        if segments is not None:
+            why = "as in the recorded walk"
+            self.latest = replace(self.latest, plant=parameters.plant, plant_reason=why, world=simulation.world)
+            self._marks = Marks()
         self._marks.fork(fork.tick)
         self._simulation, self.parameters = simulation, parameters
         reference = Reference() if fork.reference is None else fork.reference

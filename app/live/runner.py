@@ -13,6 +13,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
@@ -274,8 +275,8 @@ class Runner:
         """
         return self._request(Control.past, tick)
 
-    def fork(self, fork: Fork) -> Future[Parameters]:
-        """Go on from an earlier tick of the present walk; fails with a `WalkError`, and changes nothing.
+    def check_fork(self, fork: Fork) -> None:
+        """Check what is to be different in a fork.
 
         Raises:
             InvalidValueError: if its reference or its push is beyond a limit.
@@ -284,15 +285,27 @@ class Runner:
             self.robot.check_reference(fork.reference)
         if fork.push is not None:
             self._checked_push(fork.push)
+
+    def fork(self, fork: Fork, segments: Path | None = None) -> Future[Parameters]:
+        """Go on from an earlier tick; fails with a `WalkError`, and changes nothing.
+
+        Args:
+            fork: the tick, and what is to be different.
+            segments: file with another walk of this robot, see `Control.fork`; None for the present walk.
+
+        Raises:
+            InvalidValueError: if its reference or its push is beyond a limit.
+        """
+        self.check_fork(fork)
         self._command = NO_REFERENCE
-        return self._request(Control.fork, fork, convert=self._take_parameters)
+        return self._begin_anew(Control.fork, fork, segments, convert=self._take_parameters)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
         self._supervisor.parameters = parameters
         return parameters
 
     def _begin_anew(self, method: Callable[..., Any], *arguments: Any, convert: Any = None) -> Future[Any]:
-        """Request what puts the robot back to its start."""
+        """Request what begins another walk, and sets the present one aside."""
 
         def note(done: Future[Any]) -> None:
             if self._is_started and not done.cancelled() and done.exception() is None:

@@ -117,15 +117,17 @@ class SessionLog:
         self._packed.clear()
         self._growing, self._simulation = None, simulation
 
-    def fork(self, simulation: Simulation, tick: int) -> None:
-        """Set the walk so far aside until the next reset, and forget it from a tick on.
+    def fork(self, simulation: Simulation, kept: list[PackedSegment], tick: int) -> None:
+        """Set the walk so far aside until the next reset, and go on from a tick of a walk.
 
         Args:
             simulation: goes on from before that tick, maybe with other parameters.
-            tick: one that is kept.
+            kept: segments of that walk: of this one, as `kept` has them, or of another.
+            tick: one that they hold.
         """
-        kept, self._before_reset = self.kept(), self.segments(False)
-        self._packed.clear()
+        self._before_reset = self.segments(False)
+        for segments in (self._packed, self._pickled, self._full):
+            segments.clear()
         self._growing, self._simulation = None, simulation
         whole = [segment for segment in kept if segment.first_tick <= tick]
         self._packed.extend(whole[:-1])
@@ -214,6 +216,20 @@ def read_segments(path: Path) -> Iterator[bytes]:
     with path.open("rb") as file:
         while length := file.read(LENGTH.size):
             yield file.read(*LENGTH.unpack(length))
+
+
+def write_packed(segments: list[PackedSegment], path: Path) -> None:
+    """Write segments for `read_packed`, which another process of ours calls.
+
+    Raises:
+        OSError: if the disk does not take it.
+    """
+    path.write_bytes(pickle.dumps([(segment.first_tick, segment.data) for segment in segments]))
+
+
+def read_packed(path: Path) -> list[PackedSegment]:
+    """The segments that `write_packed` wrote."""
+    return [PackedSegment(first_tick, data) for first_tick, data in pickle.loads(path.read_bytes())]
 
 
 def _nb_segments(duration: float, simulation: Simulation) -> int:

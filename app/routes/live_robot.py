@@ -2,9 +2,9 @@
 
 import asyncio
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Query, Response
 from pydantic import StrictBool
 
 from app.http.live_json import live_json, preview_json
@@ -26,6 +26,8 @@ from app.routes.dependencies import AllRuns, Lease, LiveRunner, LiveSwitch, Live
 from app.viewer.scene.layers import DEFAULT_LAYERS
 
 REFUSALS = {422: {"model": ErrorBody}, 503: {"model": ErrorBody, "description": "The control process is gone."}}
+
+Client = Annotated[str | None, Query(max_length=64, description="Name of the browser's controls.")]
 
 router = APIRouter(prefix="/api/v1/live", tags=["live"], responses={**REFUSALS})
 
@@ -182,9 +184,9 @@ async def reset(runner: LiveRunner) -> dict[str, Any]:
 
 
 @router.get("/layers")
-async def layers(viewer: LiveViewer) -> dict[str, bool]:
-    """The layers of the scene, and whether each is drawn, for all browsers."""
-    return viewer.layers
+async def layers(viewer: LiveViewer, client: Client = None) -> dict[str, bool]:
+    """The layers of the scene, and whether each is shown to a browser; to one that opens now where none is named."""
+    return dict(viewer.layers.of_new_pages) if client is None else viewer.layers.of(client)
 
 
 @router.get("/layers/defaults")
@@ -194,6 +196,6 @@ async def default_layers() -> dict[str, bool]:
 
 
 @router.patch("/layers")
-async def switch_layers(values: dict[str, StrictBool], viewer: LiveViewer) -> dict[str, bool]:
-    """Draw some layers or hide them; returns all of them."""
-    return await asyncio.wrap_future(viewer.switch(values))
+async def switch_layers(values: dict[str, StrictBool], viewer: LiveViewer, client: Client = None) -> dict[str, bool]:
+    """Show some layers or hide them, in one browser, or in all and those to come; returns all of them."""
+    return await asyncio.wrap_future(viewer.switch(values, client))

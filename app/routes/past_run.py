@@ -1,6 +1,7 @@
 """Recorded runs as something to look at in the live scene: poses and decisions, no states to go on from."""
 
 import asyncio
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 from app.formats.stored_run import StoredRun, as_written, read_run
 from app.http.schemas import MarkBody, TimelineBody
 from app.runs import Runs
+from app.runs.restore import why_not
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.analysis.columns import push_rows
 from walkcore.errors import InvalidValueError
@@ -30,7 +32,28 @@ def run_timeline(run: StoredRun) -> TimelineBody:
     fallen = np.flatnonzero(run["status"] == Status.FALLEN)
     if len(fallen):
         marks.append(MarkBody(tick=int(ticks[fallen[0]]), kind="fall", text=f"fall: {run.reason}"[:200]))
-    return TimelineBody(walk=0, first_tick=int(ticks[0]), last_tick=int(ticks[-1]), control_period=period, marks=marks)
+    return TimelineBody(
+        walk=0,
+        first_tick=int(ticks[0]),
+        last_tick=int(ticks[-1]),
+        control_period=period,
+        marks=marks,
+        no_fork=why_not(run.run),
+    )
+
+
+def check_robot(name: str, robot: Robot) -> None:
+    """Refuse a run of another robot.
+
+    Args:
+        name: of the robot that walked.
+        robot: in the scene.
+
+    Raises:
+        InvalidValueError: if it is another one.
+    """
+    if name != robot.name:
+        raise InvalidValueError("run", name, f"must be a run of {robot.name}, which is in the scene")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,16 +84,14 @@ class RunTicks:
         with as_written(folder):
             recording = read_run(folder).recording()
             scenario = recording.scenario
-            if scenario.robot.name != robot.name:
-                limit = f"must be a run of {robot.name}, which is in the scene"
-                raise InvalidValueError("run", scenario.robot.name, limit)
+            check_robot(scenario.robot.name, robot)
             period = float(recording.parameters["control_period"])
             every = max(1, round(PERIOD / period), -(-len(recording.rows) // MAX_FRAMES))
-            in_force = [scenario.parameters] * len(recording.rows)
-            for row, changed in scenario.parameter_changes():
-                in_force[row:] = [changed] * len(in_force[row:])
+            changes = scenario.parameter_changes()
+            values, rows = [scenario.parameters, *(value for _, value in changes)], [row for row, _ in changes]
             frames = list(replayed(recording, every))
-        return cls(run_id, frames[0].tick, every, frames, in_force[::every], scenario.world)
+            in_force = [values[bisect_right(rows, row)] for row in range(0, len(recording.rows), every)]
+        return cls(run_id, frames[0].tick, every, frames, in_force, scenario.world)
 
     async def at(self, tick: int) -> tuple[Snapshot, Parameters, World]:
         """The frame that is nearest to a tick."""

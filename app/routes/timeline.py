@@ -13,11 +13,14 @@ from app.http.live_json import live_json, past_json
 from app.http.refusals import field_errors, summary
 from app.http.schemas import ForkBody, LookMessage, MarkBody, TimelineBody
 from app.http.turns import ReadBudget
+from app.live.fork import Fork
 from app.live.messages import NoResponseError
 from app.live.past import PastTicks
+from app.live.runner import Runner
 from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer, Past
 from app.routes.live_robot import REFUSALS
-from app.routes.past_run import RunTicks
+from app.routes.past_run import RunTicks, check_robot
+from app.routes.scripted_runs import NO_RECORDING
 from app.runs import NoRecordingError, Runs, RunsUnavailableError, UnknownRunError
 from app.viewer import PastLook, TooManyLooksError
 from walkcore.errors import WalkError
@@ -51,15 +54,28 @@ async def past_tick(tick: Annotated[int, Path(ge=0, le=MAX_TICK)], runner: LiveR
     return past_json(runner.latest, snapshot)
 
 
-@router.post("/fork")
-async def fork(body: ForkBody, runner: LiveRunner) -> dict[str, Any]:
+@router.post("/fork", responses=NO_RECORDING)
+async def fork(body: ForkBody, runner: LiveRunner, runs: AllRuns) -> dict[str, Any]:
     """Go on from an earlier tick; without a change the same walk comes again, to the last bit.
 
     The walk that was is drawn beside the one that goes on, the live snapshot compares them under `fork`, and it can be
-    saved as the walk before the last reset.
+    saved as the walk before the last reset; where it is that of a `run`, the present walk can.
     """
-    await asyncio.wrap_future(runner.fork(body.to_fork()))
+    forked = body.to_fork()
+    runner.check_fork(forked)
+    if body.run:
+        await asyncio.to_thread(_fork_from_run, forked, body.run, runner, runs)
+    else:
+        await asyncio.wrap_future(runner.fork(forked))
     return live_json(runner.latest)
+
+
+def _fork_from_run(forked: Fork, run_id: str, runner: Runner, runs: Runs) -> None:
+    """Let the robot go on from a tick of a recorded run; waits until it does."""
+    folder = runs.file(run_id, "run.json").parent
+    check_robot(runs.get(run_id).robot, runner.robot)
+    with runs.restorer.restored(folder, forked.tick) as segments:
+        runner.fork(forked, segments).result()
 
 
 @router.websocket("/look")

@@ -1,4 +1,4 @@
-"""Jobs of the processes: simulate a scenario, and write a recording that there is in another format."""
+"""Jobs of the processes: simulate a scenario, write a session, write a recording in another format."""
 
 import time
 from collections.abc import Mapping
@@ -8,7 +8,9 @@ from typing import Any
 
 from app.formats import FORMATS, read_run, write_run
 from app.jobs import Report
+from app.live.session_log import Session, read_segments
 from app.runs.run import RunProgress
+from walkcore import Robot
 from walkcore.analysis.twin import twin_difference
 from walkcore.scenario.expectations import Verdict
 from walkcore.scenario.recording import record
@@ -64,6 +66,40 @@ class Simulate:
             tuple(recording.verdicts()),
             difference,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrittenRun:
+    """Outcome of a job that wrote the files of a run into its folder, without simulating it."""
+
+    scenario: Mapping[str, Any]
+    """The mapping of the scenario that leads to the walk."""
+    robot: str
+    duration: float
+    """[s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WriteSession:
+    """Job that writes the files of a session's run."""
+
+    segments: Path
+    """File of the session as `write_segments` wrote it; it is removed."""
+    name: str
+    """Name of the scenario that leads to the same walk."""
+    robot: Robot
+    """Robot that walked."""
+    folder: Path
+    """Folder for run.json and the recording."""
+
+    def __call__(self, _: Report) -> WrittenRun:
+        """Write."""
+        segments = list(read_segments(self.segments))
+        self.segments.unlink()
+        recording = Session.unpacked(segments).recording(self.name, self.robot)
+        recording.write(self.folder)
+        scenario = recording.scenario
+        return WrittenRun(dict(scenario.source), self.robot.name, scenario.duration)
 
 
 def convert(folder: Path, ending: str, _: Report) -> None:

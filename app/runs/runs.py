@@ -9,16 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from app.formats import FORMATS
+from app.jobs import ProcessDiedError
+from app.live.session_log import write_segments
 from app.robot_choices import RobotChoices
 from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.queue import Converter, RunQueue
+from app.runs.restore import Restorer
 from app.runs.run import NoRecordingError, Run, RunsUnavailableError
-from app.runs.session_keeper import SessionKeeper
+from app.runs.run_jobs import WriteSession
+from app.runs.run_writer import RunWriter
 from app.runs.store import DataInUseError, RunStore
+from app.runs.upload import PROCESSOR_TIME, TakeUpload, UploadLimits
 from walkcore import Robot
+from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
+
+MAX_SAVES = 4  # sessions that may be under way: each has its file
+MAX_UPLOADS = 2  # files that may be under way
+SEGMENTS = "segments"  # file of a session that is being written
 
 
 class Runs:
@@ -33,6 +43,7 @@ class Runs:
         bytes_kept: int,
         limits: RunLimits,
         choices: RobotChoices | None = None,
+        upload_bytes: int = UploadLimits.bytes,
     ) -> None:
         """Open the data folder.
 
@@ -45,19 +56,25 @@ class Runs:
             bytes_kept: size of all files that are kept; the oldest go first, the latest never.
             limits: of one run.
             choices: robots that a run may name; by default those that ship.
+            upload_bytes: size of the largest file that may be uploaded.
 
         Raises:
             OSError: if another server has the folder, and there can be no temporary one.
         """
         self.limits, self._choices = limits, choices
+        self.upload_limits = UploadLimits(upload_bytes, limits.ticks)
         self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._store = self._open(folder)
         self._queue = RunQueue(self._store, nb_workers, on_end=self._trim)
         self._admission = threading.Lock()
         self._converter = Converter()
-        self.sessions = SessionKeeper(self._store)
+        self.sessions = RunWriter(self._store, MAX_SAVES, "walks are being saved")
         """Keeps walks that were driven live; see `add_session`."""
+        self.uploads = RunWriter(self._store, MAX_UPLOADS, "files are being uploaded")
+        """Keeps recordings from elsewhere; see `add_upload`."""
+        self.restorer = Restorer()
+        """Restores ticks of runs, for the live robot to go on from."""
 
     @property
     def folder(self) -> Path:
@@ -72,6 +89,8 @@ class Runs:
         """End all processes. The next server reports runs under way as failed, and takes up queued ones."""
         self._converter.stop()
         self.sessions.stop()
+        self.uploads.stop()
+        self.restorer.stop()
         self._queue.stop()
         self._store.close()
         if self._temporary is not None:
@@ -128,8 +147,40 @@ class Runs:
         return self._store.get(run.id)
 
     def add_session(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
-        """Keep a walk that was driven live as a run that is done; see `SessionKeeper.keep`."""
-        run = self.sessions.keep(segments, name, robot)
+        """Keep a walk that was driven live as a run that is done.
+
+        Args:
+            segments: as `SessionLog.segments` packs them; they may still come.
+            name: of the run.
+            robot: that walked.
+
+        Raises:
+            RunsUnavailableError: if the server stops, or the disk does not take the files.
+        """
+        with self.sessions.draft() as draft:
+            write_segments(segments, draft / SEGMENTS)
+            run = self.sessions.keep(draft, WriteSession(draft / SEGMENTS, name, robot, draft))
+        self._trim()
+        return run
+
+    def add_upload(self, file: Path, name: str, robot: str) -> Run:
+        """Keep a recording from elsewhere as a run that is done.
+
+        Args:
+            file: as it was uploaded, in a draft of `uploads`.
+            name: of the run; empty for that of its scenario.
+            robot: that walked, where the file has no run.json.
+
+        Raises:
+            InvalidValueError: if it is no recording, or beyond a limit.
+            RunsUnavailableError: if the server stops, or the disk does not take the files.
+        """
+        job = TakeUpload(file, name, robot, self._choices or RobotChoices(), self.upload_limits)
+        try:
+            run = self.uploads.keep(file.parent, job)
+        except ProcessDiedError as error:
+            limit = f"must be read within {PROCESSOR_TIME} s of processor time ({error})"
+            raise InvalidValueError("file", "too much", limit) from error
         self._trim()
         return run
 

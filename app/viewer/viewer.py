@@ -18,6 +18,7 @@ import viser
 
 from app.live.driver_lease import DriverLease
 from app.live.runner import Runner
+from app.viewer.layer_choices import LayerChoices
 from app.viewer.panel.panel import Panel
 from app.viewer.past_look import PastLook
 from app.viewer.scene.drag_push import PULL_PERIOD, DragPush
@@ -81,14 +82,20 @@ class Viewer:
         self.cost = FrameCost()
         """Processor time of the frames that a browser was sent."""
 
-    def client_messages(self, is_operator: bool = True) -> ClientMessages:
+    def client_messages(self, is_operator: bool = True, page: str = "") -> ClientMessages:
         """Check of the messages of one more browser.
 
         Args:
             is_operator: False for one who may only look.
+            page: id of the page that its scene belongs to; its own switches of layers are for that page.
         """
         names = frozenset(mesh.name for mesh in self.scene.draggable)
-        return ClientMessages(self.server, names, is_operator)
+        view = self._panel.view
+
+        def switch(box: str, is_shown: bool) -> None:
+            self._loop.call_soon_threadsafe(view.layers.switch, page, {view.boxes[box]: is_shown})
+
+        return ClientMessages(self.server, names, is_operator, dict.fromkeys(view.boxes, switch))
 
     @contextlib.contextmanager
     def past_look(self, page: str) -> Iterator[PastLook]:
@@ -110,12 +117,16 @@ class Viewer:
                 del self._looks[page]
 
     @property
-    def layers(self) -> dict[str, bool]:
-        """Whether each layer is shown, the same for all browsers."""
+    def layers(self) -> LayerChoices:
+        """Layers that each page is shown."""
         return self._panel.view.layers
 
-    def switch(self, layers: Mapping[str, bool]) -> Future[dict[str, bool]]:
+    def switch(self, layers: Mapping[str, bool], page: str | None = None) -> Future[dict[str, bool]]:
         """Show or hide layers; the result is the state of all of them.
+
+        Args:
+            layers: whether each is shown, by name.
+            page: id of the page that is shown them; None for all pages, those to come too.
 
         Raises:
             InvalidValueError: if there is no such layer.
@@ -125,10 +136,21 @@ class Viewer:
                 raise InvalidValueError(f"layers.{name}", is_shown, f"must be one of {', '.join(DEFAULT_LAYERS)}")
 
         async def switch() -> dict[str, bool]:
-            self._panel.view.switch(layers)
-            return self.layers
+            if page is None:
+                self.layers.switch_all(layers)
+                return dict(self.layers.of_new_pages)
+            self.layers.switch(page, layers)
+            return self.layers.of(page)
 
         return asyncio.run_coroutine_threadsafe(switch(), self._loop)
+
+    def take_over(self, former: "Viewer") -> Future[None]:
+        """Show each page the layers that another viewer showed it."""
+
+        async def take_over() -> None:
+            self.layers.take_over(former.layers)
+
+        return asyncio.run_coroutine_threadsafe(take_over(), self._loop)
 
     def start(self) -> None:
         """Start drawing, in viser's own event loop: what its callbacks change needs no lock."""
@@ -176,6 +198,7 @@ class Viewer:
             self.cost.add()
 
     def _show(self, elapsed: float) -> None:
+        self.scene.shown = self.layers.drawn({self._clients.page_of(client) for client in self.broadcaster.clients})
         if PUSH_ROSE in self.scene.shown:
             self._runner.push_roses.request()
         state = self._runner.look()
@@ -183,7 +206,11 @@ class Viewer:
         aim, parameters = self._drag_push.aim, self._runner.parameters
         self.scene.draw(state.snapshot, parameters, elapsed, aim, state.world, state.was, state.push_rose)
         self._panel.update(state, self.cost.mean_ms, self.broadcaster.nb_clients)
-        self.broadcaster.send(self.scene.updates, self._show_past(elapsed))
+        others = self._show_past(elapsed)
+        self.broadcaster.send(self.scene.updates, others, self._own_updates)
+
+    def _own_updates(self, client_id: int) -> SceneUpdates:
+        return self.layers.updates(self._clients.page_of(client_id))
 
     def _show_past(self, elapsed: float) -> dict[int, SceneUpdates]:
         """Draw for the pages that look at the past; the changes for their scenes, by the ids of these."""
@@ -192,7 +219,7 @@ class Viewer:
             scenes = self._clients.scenes(page)
             if not scenes or look.updates is None:
                 continue
-            look.draw(elapsed, self.scene.shown, self._panel.plots)
+            look.draw(elapsed, self.layers.drawn([page]), self._panel.plots)
             others |= dict.fromkeys(scenes, look.updates)
         return others
 

@@ -1,8 +1,7 @@
 """Panel beside the scene, in tabs. Its controls are shared by all clients, and only leave requests for the runner."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from functools import partial
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -13,6 +12,7 @@ from app.live.driver_lease import DriverLease, LeaseHeldError
 from app.live.live_state import LiveState
 from app.live.messages import NoResponseError
 from app.live.runner import Runner
+from app.viewer.layer_choices import LayerChoices
 from app.viewer.panel.changes import NOTICE
 from app.viewer.panel.method_tab import MethodTab
 from app.viewer.panel.physics_tab import PhysicsTab
@@ -21,6 +21,7 @@ from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
 from app.viewer.scene.scene import Scene
 from app.viewer.transport.client_registry import ClientRegistry
 from app.viewer.transport.scene_updates import SceneUpdates
+from app.viewer.transport.viser_private import control_id
 from walkcore import Reference
 
 FRAMES_PER_UPDATE = 6  # five updates a second
@@ -29,11 +30,12 @@ SLIDERS = {"vx": ("forward", "m/s"), "vy": ("left", "m/s"), "yaw_rate": ("turn l
 STEP = 0.01  # of a slider
 OPTIONS = ("see_through",)  # layers that the button for all of them leaves alone
 SWATCH = (
-    '<span style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
-    '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{}">'
-    "</i>{}</span>"
+    '<span data-layer="{1}" '
+    'style="display:inline-flex;align-items:center;gap:.4em;margin:0 .9em .2em 0;white-space:nowrap">'
+    '<i style="width:.72em;height:.72em;border-radius:50%;box-shadow:0 0 0 1.5px #fff,0 0 0 2px #8886;background:{0}">'
+    "</i>{1}</span>"
 )
-LEGEND = '<div style="font-size:.76em;line-height:1.5;padding:.5em .6em 0">{}</div>'
+LEGEND = '<div class="layer-legend" style="font-size:.76em;line-height:1.5;padding:.5em .6em 0">{}</div>'
 TABLE = '<table style="font-size:.8em;line-height:1.55;margin:.5em .7em;font-variant-numeric:tabular-nums">{}</table>'
 ROW = '<tr><th style="text-align:left;font-weight:400;opacity:.7;padding-right:1em">{}</th><td>{}</td></tr>'
 
@@ -62,7 +64,7 @@ class Panel:
         with tabs.add_tab("Drive"):
             self._drive = DriveTab(server, runner, clients, lease)
         with tabs.add_tab("View"):
-            self.view = ViewTab(server, scene)
+            self.view = ViewTab(server, scene, clients)
         with tabs.add_tab("Method"):
             self._method = MethodTab(server, runner)
         with tabs.add_tab("Physics"):
@@ -156,16 +158,24 @@ class DriveTab:
 
 
 class ViewTab:
-    """Switch for each layer, below the legend of their colours."""
+    """Switch for each layer, below the legend of their colours. Each page has its own choice.
 
-    def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
+    Our page hides the legend and puts each colour beside its switch, which viser cannot.
+    """
+
+    def __init__(self, server: viser.ViserServer, scene: Scene, clients: ClientRegistry) -> None:
         """Make the switches."""
+        self._clients = clients
         swatches = [SWATCH.format(f"rgb{layer.colour}", layer.label) for layer in LAYERS.values() if layer.colour]
         server.gui.add_html(LEGEND.format("".join(swatches)))
-        self._boxes = {
-            name: _add_checkbox(server, layer.label, layer.meaning, layer.is_on, partial(scene.show, name))
+        boxes = {
+            name: server.gui.add_checkbox(layer.label, layer.is_on, hint=layer.meaning)
             for name, layer in LAYERS.items()
         }
+        self.layers = LayerChoices(scene, boxes)
+        """Layers that each page is shown."""
+        self.boxes = {control_id(box): name for name, box in boxes.items()}
+        """Name of the layer that each switch is for, by the switch's id: viser does not hear of them."""
         all_layers = {name: True for name in LAYERS if name not in OPTIONS}
         self._add_button(server, "All", "Draw everything", all_layers)
         self._add_button(server, "Defaults", "Layers shown when the server started", DEFAULT_LAYERS)
@@ -174,30 +184,9 @@ class ViewTab:
         button = server.gui.add_button(label, hint=hint)
 
         @button.on_click
-        async def _(_: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
-            self.switch(layers)
-
-    @property
-    def layers(self) -> dict[str, bool]:
-        """Whether each layer is shown."""
-        return {name: box.value for name, box in self._boxes.items()}
-
-    def switch(self, layers: Mapping[str, bool]) -> None:
-        """Show or hide layers by their switches; belongs to viser's event loop."""
-        for name, is_shown in layers.items():
-            self._boxes[name].value = is_shown
-
-
-def _add_checkbox(
-    server: viser.ViserServer, label: str, hint: str, is_set: bool, apply: Callable[[bool], None]
-) -> viser.GuiCheckboxHandle:
-    box = server.gui.add_checkbox(label, is_set, hint=hint)
-
-    @box.on_update
-    async def _(_: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
-        apply(box.value)
-
-    return box
+        async def _(event: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
+            if event.client is not None:
+                self.layers.switch(self._clients.page(event.client), layers)
 
 
 class SystemTab:

@@ -52,6 +52,12 @@ class Canvas:
     """Meshes of all layers that can be dragged to push the robot; a drawing adds its own."""
     links: dict[str, str]
     """Joint that moves each such mesh, by the path of its node; a drawing adds its own."""
+    shown: Set[str]
+    """Names of the layers that are shown at the start."""
+    switched: dict[str, list[str]]
+    """Paths of the nodes that a layer shows or hides, by its name; a drawing adds those that lie in other layers."""
+    translucent: dict[str, None]
+    """Paths of the meshes that the layer "see_through" lets the centre of mass show through; a drawing adds its own."""
 
     @property
     def proportions(self) -> Proportions:

@@ -44,6 +44,8 @@ class Layer:
     """Whether the layer is shown at the start."""
 
 
+SEE_THROUGH = "see_through"
+"""Layer that has no nodes of its own: it changes the robot's."""
 PUSH_ROSE = "push_rose"
 """Layer that is computed only while it is shown."""
 
@@ -134,6 +136,6 @@ LAYERS = {
     "active": Layer(
         "active constraints", "Bounds of the QP that the plan rests on", palette.ACTIVE, ActiveBounds, is_on=False
     ),
-    "see_through": Layer("see-through", "Let the centre of mass show through the robot", is_on=False),
+    SEE_THROUGH: Layer("see-through", "Let the centre of mass show through the robot", is_on=False),
 }
 DEFAULT_LAYERS = {name: layer.is_on for name, layer in LAYERS.items()}

@@ -95,9 +95,12 @@ class PointDrawing:
     def __init__(self, style: PointStyle, canvas: Canvas) -> None:
         """Make the nodes once, invisible."""
         self._style, self._dot, self._frame = style, f"{canvas.root}/dot", f"{canvas.root}/at_com"
-        self._trail, self._preview = f"{self._frame}/trail", f"{self._frame}/preview"
+        self._trail, self._preview = f"{self._frame}/trails/trail", f"{self._frame}/preview/line"
         add_dot(canvas.server, self._dot, style.colour, canvas.proportions.size * style.radius, style.hole)
         canvas.server.scene.add_frame(self._frame, show_axes=False)
+        for layer in ("trails", "preview"):
+            canvas.server.scene.add_frame(f"{self._frame}/{layer}", show_axes=False, visible=layer in canvas.shown)
+            canvas.switched[layer].append(f"{self._frame}/{layer}")
         fade = np.linspace(0.0, 1.0, TRAIL_POINTS)[:, None]
         colours = (fade * style.line + (1.0 - fade) * GRID_CELL).astype(np.uint8)
         of_ends = np.stack([colours[:-1], colours[1:]], axis=1)

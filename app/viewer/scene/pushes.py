@@ -21,7 +21,7 @@ from walkcore.values import Vector
 
 CHEST = 1.35  # height of the arrow, in heights of the CoM
 # Lengths of a robot of size 1; see `Proportions`.
-CLEARANCE = 0.22  # [m] from the CoM to the near end of the arrow, outside the robot
+CLEARANCE = 0.46  # [m] from the CoM to the near end of the arrow, outside the arms: a light push has a short arrow
 LENGTH, LENGTH_PER_SPEED = 0.15, 0.9  # [m], [m per m/s] of the velocity that the impulse gives
 LENGTH_PER_WEIGHT = 2.65  # [m] of the arrow of a force as large as the weight
 SHAFT = 0.022  # [m]

@@ -44,7 +44,6 @@ class BodyDrawing:
         model = load_model(body)
         self._colours: dict[str, Colour] = {}
         self._has_fallen: bool | None = None
-        self._is_translucent: bool | None = None  # not known before the first frame, which sends both
         self._topple = Topple(canvas.root)
         parts = shared_parts(body, canvas.quality.face_ratio)
         self.height = drawn_height(parts, model, model.referenceConfigurations["posture"])
@@ -65,6 +64,7 @@ class BodyDrawing:
                 receive_shadow=False,
             )
             canvas.draggable.append(mesh)
+            canvas.translucent[name] = None
             canvas.links[name] = model.names[part.joint]
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
@@ -80,12 +80,6 @@ class BodyDrawing:
             self._has_fallen = has_fallen
             for name, colour in self._colours.items():
                 updates.properties(name, color=mixed(colour, FALLEN, FALLEN_SHARE * has_fallen))
-        is_translucent = "see_through" in frame.shown
-        if is_translucent is not self._is_translucent:
-            self._is_translucent = is_translucent
-            opacity = TRANSLUCENT if is_translucent else None
-            for name in self._colours:
-                updates.properties(name, opacity=opacity, cast_shadow=not is_translucent)
 
 
 def add_joints(server: viser.ViserServer, root: str, model: Any, drawn: set[int]) -> dict[int, str]:

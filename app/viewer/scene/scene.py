@@ -12,10 +12,10 @@ import viser
 
 from app.drawing.palette import GRID_CELL, GRID_SECTION, GROUND
 from app.viewer.scene.frame import FRAMES_PER_LINE, Aim, Canvas, Drawing, Frame, History, RenderQuality
-from app.viewer.scene.layers import LAYERS
+from app.viewer.scene.layers import LAYERS, SEE_THROUGH
 from app.viewer.scene.points import body_com
 from app.viewer.scene.proportions import Proportions
-from app.viewer.scene.robot import BodyDrawing
+from app.viewer.scene.robot import TRANSLUCENT, BodyDrawing
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.analysis.push_rose import PushRose
@@ -49,8 +49,10 @@ class Scene:
         """Meshes by which the robot can be pushed."""
         self.links: dict[str, str] = {}
         """Joint that moves each of them, by the path of its node; without those of a point mass."""
-        self.shown = {name for name, layer in LAYERS.items() if layer.is_on}
-        """Names of the layers that are shown."""
+        self.shown: Set[str] = {name for name, layer in LAYERS.items() if layer.is_on}
+        """Names of the layers that are drawn."""
+        self._switched = {name: [f"{WORLD}/{name}"] for name in LAYERS}
+        self._translucent: dict[str, None] = {}
         self.drawings: dict[str, Drawing] = {}
         """Drawing of each layer that has one."""
         self._history = History()
@@ -64,7 +66,18 @@ class Scene:
             root = f"{WORLD}/{name}"
             server.scene.add_frame(root, show_axes=False, visible=layer.is_on)
             if layer.draw is not None:
-                self.drawings[name] = layer.draw(Canvas(server, root, robot, quality, self.draggable, self.links))
+                canvas = Canvas(
+                    server,
+                    root,
+                    robot,
+                    quality,
+                    self.draggable,
+                    self.links,
+                    self.shown,
+                    self._switched,
+                    self._translucent,
+                )
+                self.drawings[name] = layer.draw(canvas)
         body = self.drawings["robot"]
         self.height = body.height if isinstance(body, BodyDrawing) else TALLNESS * robot.com_height
         """Height of the robot as it is drawn; of a point mass, as a body would be [m]."""
@@ -85,9 +98,18 @@ class Scene:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
     def show(self, layer: str, is_visible: bool) -> None:
-        """Show a layer, or hide it; a hidden layer is not sent."""
-        (self.shown.add if is_visible else self.shown.discard)(layer)
-        self.updates.visible(f"{WORLD}/{layer}", is_visible)
+        """Show a layer to all who are sent `updates`, or hide it; a hidden layer is not sent."""
+        self.shown = self.shown | {layer} if is_visible else self.shown - {layer}
+        self.switch(self.updates, layer, is_visible)
+
+    def switch(self, updates: SceneUpdates, layer: str, is_visible: bool) -> None:
+        """Show a layer that is drawn, or hide it, to those who are sent some updates."""
+        for node in self._switched[layer]:
+            updates.visible(node, is_visible)
+        if layer == SEE_THROUGH:
+            opacity = TRANSLUCENT if is_visible else None
+            for mesh in self._translucent:
+                updates.properties(mesh, opacity=opacity, cast_shadow=not is_visible)
 
     def show_all_of(self, shown: Set[str]) -> None:
         """Show these layers, and hide the others."""

@@ -14,7 +14,7 @@ The bytes of a batch, as viser's clients read them:
 
 import socket
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -44,19 +44,33 @@ class Broadcaster:
         """Number of the latest frame that each client was sent, by its id."""
         self._sources: dict[int, SceneUpdates] = {}
         """Updates that each client was sent last, by its id."""
+        self._own: dict[int, tuple[SceneUpdates, int]] = {}
+        """Updates of its own that each client was sent last, and the number of their frame, by its id."""
 
     @property
     def nb_clients(self) -> int:
         """Number of clients that are connected."""
         return len(connections(self._server))
 
-    def send(self, updates: SceneUpdates, others: Mapping[int, SceneUpdates] = NOBODY) -> None:
+    @property
+    def clients(self) -> Collection[int]:
+        """Ids of the clients that are connected."""
+        return connections(self._server)
+
+    def send(
+        self,
+        updates: SceneUpdates,
+        others: Mapping[int, SceneUpdates] = NOBODY,
+        own: Callable[[int], SceneUpdates] | None = None,
+    ) -> None:
         """Bring every client with room for it up to date, and end the frame.
 
         Args:
             updates: of the scene that all share.
             others: of the scenes of clients that are shown something else, by their ids.
+            own: gives what only one client is sent, or those of one page, by its id: it comes after the others.
         """
+        late: dict[int, tuple[SceneUpdates, int]] = {}
         batches: dict[tuple[int, int], tuple[SceneUpdates, list[ServerConnection]]] = {}
         for client, connection in self._ready():
             source = others.get(client, updates)
@@ -64,11 +78,21 @@ class Broadcaster:
             since = self.last_sent.get(client, NOTHING_SENT) + 1 if is_same else 0
             batches.setdefault((id(source), since), (source, []))[1].append(connection)
             self._sources[client], self.last_sent[client] = source, source.frame
+            if own is not None:
+                mine = own(client)
+                before, frame = self._own.get(client, (None, NOTHING_SENT))
+                late[client] = mine, frame + 1 if is_same and before is mine else 0
+                self._own[client] = mine, mine.frame
         for (_, since), (source, receivers) in batches.items():
             messages = source.changes(since)
             if messages:
                 broadcast(receivers, self._encoder.encode(messages))
-        for source in {id(each): each for each in (updates, *others.values())}.values():
+        present = connections(self._server)
+        for client, (mine, since) in late.items():
+            if messages := mine.changes(since):
+                broadcast([present[client]], self._encoder.encode(messages))
+        sources = (updates, *others.values(), *(mine for mine, _ in late.values()))
+        for source in {id(each): each for each in sources}.values():
             source.next_frame()
 
     def _ready(self) -> Iterator[tuple[int, ServerConnection]]:
@@ -76,6 +100,7 @@ class Broadcaster:
         present = connections(self._server)
         self.last_sent = {client: frame for client, frame in self.last_sent.items() if client in present}
         self._sources = {client: source for client, source in self._sources.items() if client in present}
+        self._own = {client: sent for client, sent in self._own.items() if client in present}
         for client, connection in present.items():
             if connection.transport.is_closing() or connection.transport.get_write_buffer_size():
                 continue

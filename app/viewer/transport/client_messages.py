@@ -8,6 +8,8 @@ Of several messages about the same thing that have not gone on yet, the latest c
 """
 
 import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import msgspec
@@ -21,6 +23,8 @@ MAX_TEXT = 256  # characters that a text field takes
 UNIT_TOLERANCE = 1e-2  # of a quaternion's length
 RANGE_TOLERANCE = 1e-6  # of a slider's limits
 MAX_MAGNITUDE = 1e6  # of every number: metres, radians, pixels
+
+NOTHING: Mapping[str, Callable[[str, bool], object]] = MappingProxyType({})
 
 Number = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]  # neither NaN nor infinite
 Name = Annotated[str, Meta(max_length=128)]
@@ -89,15 +93,24 @@ class ClientMessages:
     May be used from another thread than viser's: it only reads from viser's handles.
     """
 
-    def __init__(self, server: viser.ViserServer, draggable: frozenset[str], is_operator: bool = True) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        draggable: frozenset[str],
+        is_operator: bool = True,
+        own_switches: Mapping[str, Callable[[str, bool], object]] = NOTHING,
+    ) -> None:
         """Start without any.
 
         Args:
             server: its handles may be named.
             draggable: names of the nodes that may be dragged.
             is_operator: False drops everything but the camera, for one who only looks.
+            own_switches: what is called, by the ids of switches that each browser sets for itself, with id and value;
+                viser would set them for all.
         """
         self._server, self._draggable, self._is_operator = server, draggable, is_operator
+        self._own_switches = own_switches
         self._pending: dict[tuple[str, ...], bytes] = {}
 
     def add(self, data: bytes) -> bool:
@@ -116,7 +129,9 @@ class ClientMessages:
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise ForbiddenMessageError(str(error)) from error
         key = self._checked(message)
-        if self._is_operator or isinstance(message, _Camera):
+        if isinstance(message, _ControlUpdate) and message.uuid in self._own_switches:
+            self._own_switches[message.uuid](message.uuid, message.updates.value is True)
+        elif self._is_operator or isinstance(message, _Camera):
             self._pending.pop(key, None)  # so that the order is that of the latest ones
             self._pending[key] = _ENCODER.encode(message)
         return not isinstance(message, _Camera | _Drag)

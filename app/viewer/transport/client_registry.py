@@ -35,6 +35,10 @@ class ClientRegistry:
         """Id of the page that a client's scene belongs to, as its controls send it; "" for a scene without a page."""
         return self._pages.get(client.client_id, "")
 
+    def page_of(self, client_id: int) -> str:
+        """Id of the page that a scene belongs to, by the id of its client; "" for a scene without a page."""
+        return self._pages.get(client_id, "")
+
     def scenes(self, page: str) -> list[int]:
         """Ids of the clients that are scenes of a page."""
         return [client for client, of in self._pages.items() if of == page]

@@ -77,7 +77,9 @@ class SceneUpdates:
         for key, value in values.items():
             self._set((NODE_PROPERTIES, name, key), value)
 
-    def control(self, control: viser.GuiUplotHandle | viser.GuiHtmlHandle, **values: Any) -> None:
+    def control(
+        self, control: viser.GuiUplotHandle | viser.GuiHtmlHandle | viser.GuiCheckboxHandle, **values: Any
+    ) -> None:
         """Set properties of a control of the panel."""
         for key, value in values.items():
             self._set((CONTROL_PROPERTIES, control_id(control), key), value)

@@ -29,7 +29,7 @@ NODE_PROPERTIES = "SceneNodeUpdateMessage"
 CONTROL_PROPERTIES = "GuiUpdateMessage"
 
 
-def control_id(control: viser.GuiUplotHandle | viser.GuiHtmlHandle) -> str:
+def control_id(control: viser.GuiUplotHandle | viser.GuiHtmlHandle | viser.GuiCheckboxHandle) -> str:
     """Id of a control of the panel, which messages about it carry; handles have no public one.
 
     Assigning to the handles of plots and table instead takes 1.4 times the processor time of a frame with five
