@@ -81,4 +81,5 @@ def test_the_mapping_holds_the_same(result):
 def test_recoveries_are_ticks_of_their_own_whose_planning_is_a_share(result):
     assert 0.0 < result.recovering_planning.median < result.recovering_tick.median
     assert result.recovering_planning.median > result.assemble_and_solve.median
+    assert result.recovering_fastest.p99 <= result.recovering_planning.p99
     assert "recovering" in table(result)
