@@ -397,6 +397,13 @@ def test_the_preview_of_a_push_foretells_shortened_steps(hurried):
     assert effect_of_push(robot, snapshots[0], replace(parameters, step_duration=0.4)) == "gives up margin"
 
 
+def test_the_preview_of_a_push_says_that_a_law_without_a_qp_may_catch_what_it_does_not_foresee(hurried):
+    snapshots, parameters = hurried
+    lost = replace(snapshots[0], plan=replace(snapshots[0].plan, is_capturable=False))
+    assert effect_of_push(load_robot("hrp2"), lost, parameters) == "would fall"
+    assert effect_of_push(load_robot("hrp2"), lost, replace(parameters, scheme="sugihara")) == "may fall"
+
+
 def test_body_without_physics_topples_about_the_edge_of_its_support_and_stands_up_again(walk):
     updates, topple, snapshot = SceneUpdates(), Topple("/body"), walk[200]
     fallen = replace(snapshot, status=Status.FALLEN, plan=None)

@@ -16,6 +16,7 @@ from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Parameters, Robot, Snapshot
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
+from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Side
 from walkcore.values import Vector
 
@@ -142,7 +143,8 @@ def effect_of_push(robot: Robot, after: Snapshot, parameters: Parameters) -> str
         parameters: in force.
     """
     if after.plan is None or not after.plan.is_capturable:
-        return "would fall"
+        has_planned = after.plan is None or parameters.formulation.footholds is not Footholds.REGULATED
+        return "would fall" if has_planned else "may fall"  # a law without a QP catches some that its forecast loses
     if after.plan.max_leg_extension() > robot.max_com_distance:
         return "would probably fall"  # unless the next ticks find better steps, which is rare
     durations = (after.step_duration, after.next_step_duration)
