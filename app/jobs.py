@@ -21,7 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, wait
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any, TypeVar
 
 EXIT_TIMEOUT = 10.0  # [s] a killed process may take to be gone
@@ -127,6 +127,48 @@ class JobProcess:
         while (exit_code := self._process.exitcode) is None and (left := deadline - time.monotonic()) > 0:
             self._process.join(left)
         return exit_code
+
+
+class JobRunner:
+    """Does one job after the other, each in a process that ends with it. Belongs to one thread at a time."""
+
+    def __init__(self, niceness: int = 0) -> None:
+        """Start no process yet.
+
+        Args:
+            niceness: as of `JobProcess`.
+        """
+        self._niceness, self._guard = niceness, Lock()
+        self._process: JobProcess | None = None
+        self.is_stopping = False
+        """Whether no job is done any more."""
+
+    def run(self, job: Job[Result]) -> Future[Result]:
+        """Do a job and wait for its end.
+
+        Returns:
+            Its future, as of `JobProcess.run`; failed with `ProcessDiedError` after `stop`, too.
+
+        Raises:
+            OSError: if no process can be started.
+        """
+        with self._guard:
+            if self.is_stopping:
+                return JobOutcome(error=ProcessDiedError("no process is started any more")).future()
+            self._process = process = JobProcess(self._niceness)
+        try:
+            return process.run(job)
+        finally:
+            process.kill()
+            self._process = None
+
+    def stop(self) -> None:
+        """End the job under way, if there is one, and do no other. Any thread may call it."""
+        with self._guard:
+            self.is_stopping = True
+            process = self._process
+        if process is not None:
+            process.kill()
 
 
 class JobPool:

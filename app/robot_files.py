@@ -27,7 +27,7 @@ STUDIED = {
     "foothold_regions": "m, of the left foot in the right foot's frame: found by walk footholds",
     "max_reference": "m/s, rad/s: the fastest within the joints' limits, none beyond the guess from the size",
 }
-"""What stands instead where simulations have found the values."""
+"""The same for values that simulations have found."""
 
 
 def robot_text(values: Mapping[str, Any], urdf: str, studied: Collection[str] = ()) -> str:

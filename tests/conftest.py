@@ -196,7 +196,7 @@ def browser() -> Iterator[Browser]:
 
 
 def survives_to_the_end(walk: NominalWalk, phase: float, push: Push) -> bool:
-    """What `walk.survives` decides early, after all of the time for which the robot has to stay on its feet."""
+    """The same decision as of `walk.survives`, after all of the time for which the robot has to stay on its feet."""
     has_survived = False
     for now, monitor in walk.after(phase, push):
         if now.status is Status.FALLEN:

@@ -147,7 +147,7 @@ def test_a_queue_whose_processes_cannot_start_goes_on(tmp_path, monkeypatch):
         wait_for(lambda: runs.get(following.id).has_ended)
         assert runs.get(following.id).status == "done"
         with monkeypatch.context() as patch:
-            patch.setattr("app.runs.queue.JobProcess", no_process)
+            patch.setattr("app.jobs.JobProcess", no_process)
             with pytest.raises(RunsUnavailableError, match="unavailable"):
                 runs.file(following.id, "recording.parquet")
         assert runs.file(following.id, "recording.parquet").is_file()

@@ -1,4 +1,4 @@
-"""What `walk import` writes: swing moments and fastest references found by walks, and what is guessed instead."""
+"""Values that `walk import` finds by walks, swing moments and fastest references, and those that it guesses."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What an import says of a URDF that cannot walk: one line that names the element, its value, and what to do."""
+"""An import refuses a URDF that cannot walk in one line: the element, its value, and the remedy."""
 
 import re
 

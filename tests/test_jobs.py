@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from app.jobs import JobPool, JobProcess, ProcessDiedError, Report
+from app.jobs import JobPool, JobProcess, JobRunner, ProcessDiedError, Report
 from walkcore.errors import InvalidValueError
 
 PATIENCE = 60.0  # [s] on a busy machine
@@ -104,6 +104,16 @@ def test_a_job_can_be_killed_while_it_runs_by_several_threads_at_once():
         threading.Thread(target=lambda: started.wait(PATIENCE) and process.kill()).start()
     error = process.run(report_process_and_sleep, lambda _: started.set()).exception()
     assert isinstance(error, ProcessDiedError) and "-9" in str(error)
+
+
+def test_a_runner_has_a_new_process_for_each_job_and_none_once_it_is_stopped():
+    runner = JobRunner()
+    ids = {runner.run(process_id).result() for _ in range(2)}
+    assert len(ids) == 2 and not any(psutil.pid_exists(i) for i in ids)
+    runner.stop()
+    assert runner.is_stopping
+    with pytest.raises(ProcessDiedError, match="no process"):
+        runner.run(process_id).result()
 
 
 @pytest.mark.parametrize("nb_processes", [1, 3])

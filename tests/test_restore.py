@@ -1,5 +1,6 @@
 """The live robot goes on from a tick of a recorded run, exactly as that walk was."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from app.live.control import Control
 from app.live.fork import Fork
 from app.live.session_log import Session
 from app.runs import restore
-from app.runs.restore import Restore
+from app.runs.restore import Restore, Restorer
+from app.runs.run import RunsUnavailableError
 from walkcore import Parameters, Robot
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import Recording, record
@@ -112,3 +114,23 @@ def test_a_robot_with_another_control_period_does_not_go_on_and_walks_on(restore
         control.fork(Fork(60), segments)
     run_to(control, 8)
     assert control.latest.snapshot.tick == 8
+
+
+@pytest.mark.parametrize("fails", ["app.jobs.JobProcess", "tempfile.TemporaryDirectory"])
+def test_a_machine_without_room_for_a_process_or_a_file_is_told_and_the_next_tick_is_restored(
+    tmp_path, monkeypatch, fails
+):
+    def no_room(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    write_run(record(scenario_from_mapping(SCENARIO)), tmp_path, ("npz",))
+    restorer = Restorer()
+    with monkeypatch.context() as patch:
+        patch.setattr(fails, no_room)
+        with pytest.raises(RunsUnavailableError, match="No space left"), restorer.restored(tmp_path, 60):
+            pass
+    with restorer.restored(tmp_path, 60) as segments:
+        assert segments.is_file()
+    restorer.stop()
+    with pytest.raises(RunsUnavailableError, match="the server stops"), restorer.restored(tmp_path, 60):
+        pass

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from app.jobs import Job, JobProcess, ProcessDiedError
+from app.jobs import Job, JobProcess, JobRunner, ProcessDiedError
 from app.runs.run import NoRecordingError, RunsUnavailableError
 from app.runs.run_jobs import convert
 from walkcore import WalkError
@@ -173,8 +173,7 @@ class Converter:
         """Start no process yet."""
         self._turn = threading.Lock()
         self._places = threading.Semaphore(MAX_CONVERSIONS)
-        self._process: JobProcess | None = None
-        self._is_stopping = False
+        self._runner = JobRunner(NICENESS)
 
     def make(self, folder: Path, ending: str, file: str) -> None:
         """See that the folder of a run holds its recording in a format.
@@ -192,26 +191,21 @@ class Converter:
             raise RunsUnavailableError(f"{MAX_CONVERSIONS} files are being made already")
         try:
             with self._turn:
-                if not (folder / file).is_file() and not self._is_stopping:
+                if not (folder / file).is_file() and not self._runner.is_stopping:
                     self._make(folder, ending)
         finally:
             self._places.release()
 
     def stop(self) -> None:
         """End the process, if there is one."""
-        self._is_stopping = True
-        if (process := self._process) is not None:
-            process.kill()
+        self._runner.stop()
 
     def _make(self, folder: Path, ending: str) -> None:
         """Convert in a process that ends with it: drawing and packing take memory, and are seldom requested."""
         try:
-            self._process = JobProcess(NICENESS)
+            error = self._runner.run(partial(convert, folder, ending)).exception()
         except OSError as error:
             raise RunsUnavailableError(f"no process can be started: {error}") from error
-        error = self._process.run(partial(convert, folder, ending)).exception()
-        self._process.kill()
-        self._process = None
         if error is not None:
             raise NoRecordingError(f"the recording cannot be written as {ending}: {_reason(error)}") from error
 

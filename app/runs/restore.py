@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from app.formats import as_written, read_run
-from app.jobs import JobProcess, ProcessDiedError, Report
+from app.jobs import JobRunner, ProcessDiedError, Report
 from app.live.session_log import PackedSegment, SessionLog, write_packed
 from app.runs.run import RunsUnavailableError
 from app.runs.upload import HAS_SCENARIO, WITHOUT_SCENARIO, limit_this_process
@@ -120,8 +120,7 @@ class Restorer:
     def __init__(self) -> None:
         """Start no process yet."""
         self._turn = threading.Lock()
-        self._process: JobProcess | None = None
-        self._is_stopping = False
+        self._runner = JobRunner(NICENESS)
 
     @contextmanager
     def restored(self, folder: Path, tick: int) -> Iterator[Path]:
@@ -133,12 +132,12 @@ class Restorer:
 
         Raises:
             InvalidValueError: if it cannot be restored exactly.
-            RunsUnavailableError: if another tick is being restored.
+            RunsUnavailableError: if another tick is being restored, the server stops, or there is no room for it.
         """
         if not self._turn.acquire(blocking=False):
             raise RunsUnavailableError("another tick of a run is being restored")
         try:
-            with tempfile.TemporaryDirectory(prefix="walk-restored-") as place:
+            with _place_for_segments() as place:
                 segments = Path(place) / "segments"
                 self._restore(Restore(folder, tick, segments))
                 yield segments
@@ -147,22 +146,25 @@ class Restorer:
 
     def stop(self) -> None:
         """End the process, if there is one."""
-        self._is_stopping = True
-        if (process := self._process) is not None:
-            process.kill()
+        self._runner.stop()
 
     def _restore(self, job: Restore) -> None:
-        if self._is_stopping:
-            raise RunsUnavailableError("the server stops")
-        self._process = process = JobProcess(NICENESS)
         try:
-            process.run(job).result()
+            self._runner.run(job).result()
         except ProcessDiedError as error:
+            if self._runner.is_stopping:
+                raise RunsUnavailableError("the server stops") from None
             limit = f"must be restored within {PROCESSOR_TIME} s of processor time ({error})"
             raise InvalidValueError("tick", job.tick, limit) from error
-        finally:
-            process.kill()
-            self._process = None
+        except OSError as error:
+            raise RunsUnavailableError(f"the tick cannot be restored: {error}") from error
+
+
+def _place_for_segments() -> "tempfile.TemporaryDirectory[str]":
+    try:
+        return tempfile.TemporaryDirectory(prefix="walk-restored-")
+    except OSError as error:
+        raise RunsUnavailableError(f"the tick cannot be restored: {error}") from error
 
 
 def why_not(run: Mapping[str, object]) -> str:

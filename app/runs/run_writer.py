@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
 
-from app.jobs import Job, JobProcess, ProcessDiedError
+from app.jobs import Job, JobRunner, ProcessDiedError
 from app.runs.run import Run, RunsUnavailableError
 from app.runs.run_jobs import WrittenRun
 from app.runs.store import RunStore
@@ -32,8 +32,7 @@ class RunWriter:
         self._store, self._nb_places, self._what = store, nb_places, what
         self._places = threading.Semaphore(nb_places)
         self._turn = threading.Lock()
-        self._process: JobProcess | None = None
-        self._is_stopping = False
+        self._runner = JobRunner(NICENESS)
 
     @contextmanager
     def place(self) -> Iterator[None]:
@@ -78,15 +77,13 @@ class RunWriter:
         run = None
         try:
             with self._turn:
-                if self._is_stopping:
-                    raise RunsUnavailableError("the server stops")
-                written = self._write(job)
+                written = self._runner.run(job).result()
             run = self._store.add(written.scenario, written.robot, written.duration, status="running")
             draft.replace(self._store.unfinished(run.id))  # which is empty
             self._store.finish(run.id, None)
             return self._store.get(run.id)
         except ProcessDiedError:
-            if self._is_stopping:
+            if self._runner.is_stopping:
                 raise RunsUnavailableError("the server stops") from None
             raise
         except OSError as error:
@@ -96,14 +93,4 @@ class RunWriter:
 
     def stop(self) -> None:
         """End the process, if there is one."""
-        self._is_stopping = True
-        if (process := self._process) is not None:
-            process.kill()
-
-    def _write(self, job: Job[WrittenRun]) -> WrittenRun:
-        self._process = process = JobProcess(NICENESS)
-        try:
-            return process.run(job).result()
-        finally:
-            process.kill()
-            self._process = None
+        self._runner.stop()
