@@ -138,6 +138,11 @@ def test_no_more_than_a_few_look_at_once(server, walk):
         look.close()
 
 
+class NoPlots:
+    def show(self, *_):
+        pass
+
+
 def packed_walk(robot, parameters: Parameters) -> tuple[SessionLog, Simulation]:
     simulation = Simulation(robot, parameters)
     log = SessionLog(simulation)
@@ -160,24 +165,34 @@ def test_the_scene_of_the_past_changes_all_that_the_live_one_changes(viser_serve
     for snapshot in snapshots:
         live.draw(snapshot, parameters, 0.02)
     look = PastLook(robot, LIGHT)
-    assert look.updates is None
+    assert look.draw(0.02, live.shown, NoPlots()) is None
     look.show(snapshots[40], parameters, simulation.world)
-
-    class NoPlots:
-        def show(self, *_):
-            pass
-
     for _ in range(3):
-        look.draw(0.02, live.shown, NoPlots())
+        updates = look.draw(0.02, live.shown, NoPlots())
     assert snapshots[-1].status.name == "FALLEN"
-    hidden = {n for n, is_visible in latest(look.updates, "visible").items() if not is_visible}
+    hidden = {n for n, is_visible in latest(updates, "visible").items() if not is_visible}
     for field in ("position", "wxyz", "visible", "color", "opacity"):
-        theirs, ours = latest(live.updates, field), latest(look.updates, field)
+        theirs, ours = latest(live.updates, field), latest(updates, field)
         missing = {n for n in theirs if n not in ours and not any(f"{n}/".startswith(f"{h}/") for h in hidden)}
         missing = {n for n in missing if not any(h.startswith(f"{n}/") for h in hidden)}  # a frame of what is hidden
         assert missing == set(), field
     look.leave()
-    assert look.updates is None
+    assert look.draw(0.02, live.shown, NoPlots()) is None
+
+
+def test_a_look_that_ends_while_it_is_drawn_is_drawn_to_its_end(monkeypatch):
+    robot = load_robot("hrp2")
+    simulation, look = Simulation(robot), PastLook(robot, LIGHT)
+    look.show(simulation.step(Command()), simulation.parameters, simulation.world)
+    draw = Scene.draw
+
+    def draw_and_leave(*arguments, **rest):
+        draw(*arguments, **rest)
+        look.leave()  # by the thread of a request
+
+    monkeypatch.setattr(Scene, "draw", draw_and_leave)
+    assert look.draw(0.02, frozenset(), NoPlots()) is not None
+    assert look.draw(0.02, frozenset(), NoPlots()) is None
 
 
 @pytest.mark.parametrize("page", ["me", "another"])

@@ -33,7 +33,7 @@ class NodesThatExist:
 
 
 class PastLook:
-    """An earlier tick in the scene and the plots of one browser. Belongs to viser's event loop but for `show`."""
+    """An earlier tick in the scene and the plots of one browser. Drawn in viser's event loop."""
 
     def __init__(self, robot: Robot, quality: RenderQuality) -> None:
         """Begin without a tick.
@@ -59,29 +59,24 @@ class PastLook:
         self._shown = (snapshot, parameters, world)
 
     def leave(self) -> None:
-        """Show the present again."""
+        """Show the present again; may be called from any thread, in the middle of a frame, too."""
         self._shown = None
 
     def remember(self, before: Sequence[Snapshot]) -> None:
         """Draw footsteps, trails and plots of the time before the tick; may be called from any thread."""
         self._before = before
 
-    @property
-    def updates(self) -> SceneUpdates | None:
-        """Changes for this browser; None while it is shown the present."""
-        return None if self._shown is None else self._scene.updates
-
-    def draw(self, elapsed: float, shown: Set[str], plots: PlotsTab) -> None:
-        """Collect what the tick changes.
+    def draw(self, elapsed: float, shown: Set[str], plots: PlotsTab) -> SceneUpdates | None:
+        """The changes for this browser; None while it is shown the present.
 
         Args:
             elapsed: real time since the last call [s].
             shown: names of the layers of the live scene that are shown.
             plots: of the panel.
         """
-        if self._shown is None:
-            return
-        snapshot, parameters, world = self._shown
+        if (look := self._shown) is None:
+            return None
+        snapshot, parameters, world = look
         before, self._before = self._before, None
         if before is not None and before[-1].tick <= snapshot.tick:  # else it is for a tick shown before
             self._plotted.replace(before)
@@ -92,3 +87,4 @@ class PastLook:
         self._frame += 1
         if self._frame % FRAMES_PER_PLOT == 0:
             plots.show(self._scene.updates, self._plotted)
+        return self._scene.updates

@@ -217,10 +217,11 @@ class Viewer:
         others: dict[int, SceneUpdates] = {}
         for page, look in list(self._looks.items()):
             scenes = self._clients.scenes(page)
-            if not scenes or look.updates is None:
+            if not scenes:
                 continue
-            look.draw(elapsed, self.layers.drawn([page]), self._panel.plots)
-            others |= dict.fromkeys(scenes, look.updates)
+            updates = look.draw(elapsed, self.layers.drawn([page]), self._panel.plots)
+            if updates is not None:
+                others |= dict.fromkeys(scenes, updates)
         return others
 
 
