@@ -58,6 +58,12 @@ def test_names_tell_the_walks_apart():
     ]
 
 
+def test_a_walk_backwards_and_to_the_right_is_called_so():
+    references = [{"vx": -0.2, "vy": -0.1, "yaw_rate": 0.25}]
+    sweep = sweep_from_mapping(SOURCE | {"parameters": [FAST], "references": references})
+    assert walk_names(sweep) == ["hrp2, 0.2 m/s back and 0.1 m/s to the right and 0.25 rad/s to the left"]
+
+
 def test_sums_are_those_of_the_cells(folder):
     walks = json.loads((folder / "sweep.json").read_text())["walks"]
     assert walks[0]["largest_impulse"] == {"worst": 5.0, "median": 8.5, "mean": 8.5}

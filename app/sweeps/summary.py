@@ -16,7 +16,12 @@ from walkcore.analysis.sweep import Sweep
 from walkcore.scenario.scenario import Scenario
 from walkcore.values import Matrix
 
-COMPONENTS = {"vx": "m/s ahead", "vy": "m/s to the left", "yaw_rate": "rad/s"}
+COMPONENTS = {
+    "vx": ("m/s", "ahead", "back"),
+    "vy": ("m/s", "to the left", "to the right"),
+    "yaw_rate": ("rad/s", "to the left", "to the right"),
+}
+"""Components of a reference: unit, and what positive and negative ones are called."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +94,11 @@ def walk_names(sweep: Sweep) -> list[str]:
 
 def _motion(reference: dict[str, float]) -> str:
     """A reference in words."""
-    parts = [f"{reference[key]:g} {unit}" for key, unit in COMPONENTS.items() if reference.get(key)]
+    parts = [
+        f"{abs(value):g} {unit} {positive if value > 0.0 else negative}"
+        for key, (unit, positive, negative) in COMPONENTS.items()
+        if (value := reference.get(key, 0.0))
+    ]
     return " and ".join(parts) or "in place"
 
 
