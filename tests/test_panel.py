@@ -159,7 +159,7 @@ def test_typed_parameters_are_applied_together_and_refusals_shown(viser_server, 
 
 def test_scheme_that_looks_far_ahead_gets_the_horizon_that_it_needs_and_returns_it(viser_server, runner):
     tab, event = MethodTab(viser_server, runner), SimpleNamespace(client=Client())
-    for scheme, horizon in (("mean_velocity", 32), ("full", 16)):
+    for scheme, horizon in (("mean_velocity", 32), ("fixed_steps", 24), ("full", 16), ("preview_control", 24)):
         tab.scheme.value = next(label for label in tab.scheme.options if label.startswith(scheme))
         tab.change_scheme(event)
         assert runner.parameters.scheme == scheme and runner.parameters.horizon_samples == horizon

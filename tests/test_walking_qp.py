@@ -179,3 +179,15 @@ def test_a_push_that_needs_another_step_topples_planned_footsteps_only():
         walk = [simulation.step(Command(push=Push([16.0, 0.0]) if tick == 52 else None)) for tick in range(150)]
         assert (walk[-1].status == Status.FALLEN) == falls
         assert bool(walk[-1].reason) == falls
+
+
+@pytest.mark.parametrize("robot", ["talos", "g1"])
+@pytest.mark.parametrize("scheme", [name for name, scheme in SCHEMES.items() if scheme.nb_steps_to_last > 1])
+def test_a_walk_with_planned_steps_lasts_with_the_horizon_that_it_needs(scheme, robot):
+    horizon = SCHEMES[scheme].lasting_horizon(8)
+    parameters = Parameters(scheme, control_period=0.02, stepping_in_place=True, solver="daqp", horizon_samples=horizon)
+    simulation = Simulation(replace(load_robot(robot), body=None), parameters)
+    walk = [simulation.step(Command()) for _ in range(1600)]
+    assert all(snapshot.status is not Status.FALLEN for snapshot in walk)
+    aside, a_cycle_ago = walk[-1].com.position[1], walk[-81].com.position[1]
+    assert aside == pytest.approx(a_cycle_ago, abs=1e-5), "it drifts aside"

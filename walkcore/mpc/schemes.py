@@ -32,10 +32,16 @@ class Scheme:
     """Whether the CoP is kept inside its polygons."""
     nb_steps_ahead: int = 1
     """Whole steps that the horizon has to hold."""
+    nb_steps_to_last: int = 1
+    """Whole steps that the horizon should hold: with fewer a robot may fall that nobody pushes, see docs/method.md."""
 
     def least_horizon(self, samples_per_step: int) -> int:
         """Samples that the horizon needs: to hold the next foothold, and all steps that the scheme looks at."""
         return max(samples_per_step + 1, self.nb_steps_ahead * samples_per_step)
+
+    def lasting_horizon(self, samples_per_step: int) -> int:
+        """Samples with which a walk goes on for as long as nobody pushes the robot."""
+        return max(self.least_horizon(samples_per_step), self.nb_steps_to_last * samples_per_step)
 
 
 def _cop_tracking(w: Weights) -> tuple[Term, ...]:
@@ -59,10 +65,17 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
             "planned steps, moved at a cost [1]",
             lambda w: (*_cop_tracking(w), Term(w.foothold_weight, foothold)),
             Footholds.ADAPTED,
+            nb_steps_to_last=3,
         ),
-        "fixed_steps": Scheme("(11), planned steps, constrained [20]", _cop_tracking, Footholds.PLANNED),
+        "fixed_steps": Scheme(
+            "(11), planned steps, constrained [20]", _cop_tracking, Footholds.PLANNED, nb_steps_to_last=3
+        ),
         "preview_control": Scheme(
-            "(11), planned steps, no constraints [7]", _cop_tracking, Footholds.PLANNED, is_constrained=False
+            "(11), planned steps, no constraints [7]",
+            _cop_tracking,
+            Footholds.PLANNED,
+            is_constrained=False,
+            nb_steps_to_last=3,
         ),
         "morisawa": Scheme("analytic, foot place modified at once [11], no QP", _cop_tracking, Footholds.REGULATED),
         "sugihara": Scheme("saturated regulator [16], no QP", _cop_tracking, Footholds.REGULATED),

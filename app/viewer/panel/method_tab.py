@@ -96,10 +96,10 @@ class MethodTab:
             return
         name, now = self.scheme.value.partition(":")[0], self._runner.parameters
         values: dict[str, Any] = {"scheme": name}
-        least = SCHEMES[name].least_horizon(now.timing.samples_per_step)
-        looks_less_far = SCHEMES[name].nb_steps_ahead < now.formulation.nb_steps_ahead
-        if now.horizon_samples < least or looks_less_far:
-            values["horizon_samples"] = max(self._defaults.horizon_samples, least)
+        per_step = now.timing.samples_per_step
+        needed, needed_now = (scheme.lasting_horizon(per_step) for scheme in (SCHEMES[name], now.formulation))
+        if now.horizon_samples < needed or needed < needed_now:
+            values["horizon_samples"] = max(self._defaults.horizon_samples, needed)
         self._change(event.client, values)
 
     def change_solver(self, event: viser.GuiEvent[Any]) -> None:
