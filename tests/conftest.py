@@ -22,9 +22,11 @@ import viser
 from playwright.sync_api import Browser, sync_playwright
 
 from app.commands.cli import main
+from app.runs import Run, Runs
 from walkcore import Push
 from walkcore.analysis.survival import NominalWalk
 from walkcore.mpc.plan import Status
+from walkcore.scenario.recording import Recording
 
 WALK = Path(sys.executable).parent / "walk"
 START = 180.0  # [s] a slow or busy machine may take
@@ -118,6 +120,15 @@ def walk(*arguments: object) -> Said:
         with pytest.raises(SystemExit) as ended:
             main()
     return Said(int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+
+def add_finished(runs: Runs, recording: Recording) -> Run:
+    """A run that is done, without a process that simulates it."""
+    scenario = recording.scenario
+    run = runs.store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
+    recording.write(runs.store.unfinished(run.id))
+    runs.store.finish(run.id, None)
+    return runs.get(run.id)
 
 
 def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:

@@ -11,12 +11,11 @@ from conftest import PATIENCE, Server, serving, wait_for
 from playwright.sync_api import expect
 
 from app.robot_choices import RobotChoices
-from app.runs import RunsUnavailableError
-from app.runs.run import NoRecordingError
 from app.sweeps.cells import CellStore, cells_table
 from app.sweeps.engine import sweep_versions
 from app.sweeps.posted_sweep import STATE, PostedSweepStore, WalkSweep
 from app.sweeps.posted_sweeps import PostedSweeps, SweepLimits, admitted_sweep
+from app.work import NoRecordingError, RunsUnavailableError
 from walkcore.analysis.cell_outcome import outcome
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import InvalidValueError, UnknownNameError
@@ -149,24 +148,25 @@ def test_a_sweep_goes_on_with_the_missing_cells_after_its_server_was_killed(tmp_
     after.keep(posted.id, None)
     assert told[0].nb_done == 1, "the finished cell is not walked again"
     assert pq.read_table(after.results(posted.id) / "cells.parquet").equals(table_of(sweep))
-    assert (after.get(posted.id).status, after.get(posted.id).nb_done) == ("done", 4)
+    assert (after.get(posted.id).status, after.get(posted.id).progress.nb_done) == ("done", 4)
     assert PostedSweepStore(tmp_path).get(posted.id).size > 0
 
 
 def test_a_disk_that_lets_no_sweep_go_does_not_end_the_queue(tmp_path, monkeypatch):
     store = PostedSweepStore(tmp_path)
-    sweep_id = store.add(SMALL, 4).id
-    store.cancel(sweep_id)
+    ids = [store.add(SMALL, 4).id for _ in range(2)]
+    for sweep_id in ids:
+        store.cancel(sweep_id)
 
     def refuse(*_, **__):
         raise OSError("read-only")
 
     with monkeypatch.context() as disk:
         disk.setattr(Path, "unlink", refuse)
-        store.trim(0)  # as the queue does after each sweep
-    assert [sweep.id for sweep in store.list()] == [sweep_id]
-    store.trim(0)
-    assert store.list() == []
+        store.trim(1)  # as the queue does after each sweep
+    assert [sweep.id for sweep in store.list()] == ids[::-1]
+    store.trim(1)
+    assert [sweep.id for sweep in store.list()] == ids[1:]
 
 
 def test_a_sweep_that_cannot_be_read_is_left_for_the_next_server(tmp_path, monkeypatch):
