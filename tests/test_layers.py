@@ -36,8 +36,8 @@ CORE = """
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
-    settings descriptions jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats work
-    runs http bench report footholds sweeps figures routes main commands
+    settings descriptions tables jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats
+    work runs http bench report footholds sweeps figures routes main commands
 """.split()
 
 
