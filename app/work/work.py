@@ -31,7 +31,7 @@ class RunsUnavailableError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Work:
-    """What was sent, and how far the server is with it."""
+    """Something that was sent to be done, and the state that it is in."""
 
     id: str
     source: Mapping[str, Any]
