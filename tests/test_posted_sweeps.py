@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from conftest import PATIENCE, Server, serving, wait_for
+from conftest import Server, serving, wait_for
 from playwright.sync_api import expect
 
 from app.robot_choices import RobotChoices
@@ -60,27 +60,21 @@ def test_a_posted_sweep_is_followed_to_its_end_and_has_the_cells_of_the_command_
 
 
 @pytest.mark.exhaustive
-def test_a_click_on_a_cell_of_a_listed_sweep_leads_to_that_walk_in_3d(api, server, browser):
+def test_a_click_on_a_cell_of_a_listed_sweep_leads_to_that_walk_in_3d(api, server, visit):
     sweep_id = api.post("sweeps", json=SMALL).json()["id"]
     wait_for(lambda: api.get(f"sweeps/{sweep_id}").json()["status"] == "done")
-    page = browser.new_page()
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(f"{server.url}static/sweeps.html")
-    page.get_by_role("link", name="what came of it").click(timeout=1e3 * PATIENCE)
-    page.locator("#map .cell").first.click(timeout=1e3 * PATIENCE)
+    page = visit(f"{server.url}static/sweeps.html", scene=None)
+    page.get_by_role("link", name="what came of it").click()
+    page.locator("#map .cell").first.click()
     with page.expect_popup() as opened:
         page.get_by_role("link", name="in 3-D, survived").click()
     again = opened.value
-    again.on("pageerror", lambda error: complaints.append(str(error)))
-    expect(again.locator("#what")).to_contain_text("hrp2 walks for", timeout=1e3 * PATIENCE)
+    expect(again.locator("#what")).to_contain_text("hrp2 walks for")
     assert api.get("runs").json() == [], "nothing is simulated before somebody asks for it here"
     again.get_by_test_id("walk").click()
-    again.wait_for_url("**/recording.html", timeout=1e3 * PATIENCE)
+    again.wait_for_url("**/recording.html")
     (run,) = api.get("runs").json()
     assert (run["name"], run["status"]) == ("small-0", "done")
-    page.context.close()
-    assert complaints == []
 
 
 def test_a_sweep_under_way_is_cancelled_with_its_process_and_the_next_one_begins(api):
