@@ -79,7 +79,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the person saw in a part of the time."""
+    """Observations of the person in a part of the time."""
 
     worst_gap: float
     """Longest time between two snapshots [s]."""

@@ -19,18 +19,28 @@ from unittest.mock import patch
 import httpx
 import pytest
 import viser
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from app.commands.cli import main
+from app.runs import Run, Runs
 from walkcore import Push
 from walkcore.analysis.survival import NominalWalk
 from walkcore.mpc.plan import Status
+from walkcore.scenario.recording import Recording
 
 WALK = Path(sys.executable).parent / "walk"
 START = 180.0  # [s] a slow or busy machine may take
 PATIENCE = 120.0  # [s] on a busy machine, after which something hangs
 EXHAUSTIVE = 7200.0  # [s] for a case that takes minutes where nothing else runs
+SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
+UP = re.compile("walking|standing")
+DESKTOP = {"viewport": {"width": 1280, "height": 800}}
+SMALL_DESKTOP = {"viewport": {"width": 640, "height": 480}}
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+expect.set_options(timeout=1e3 * PATIENCE)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -120,6 +130,15 @@ def walk(*arguments: object) -> Said:
     return Said(int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
 
+def add_finished(runs: Runs, recording: Recording) -> Run:
+    """A run that is done, without a process that simulates it."""
+    scenario = recording.scenario
+    run = runs.store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
+    recording.write(runs.store.unfinished(run.id))
+    runs.store.finish(run.id, None)
+    return runs.get(run.id)
+
+
 def wait_for(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
     """Wait until a condition holds."""
     end = time.monotonic() + patience
@@ -193,6 +212,52 @@ def browser() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=arguments)
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Opens pages, each in a browser of its own, and holds them to raise no errors until the test is over.
+
+    In place of the scene, which costs most, they have `SCENE` or another stand-in; None draws it. Strict ones may not
+    write errors to the console, either, nor be refused anything. `before` is a script that goes before theirs.
+    """
+    contexts: list[BrowserContext] = []
+    complaints: list[str] = []
+
+    def open_page(
+        url: str, scene: str | None = SCENE, before: str = "", is_strict: bool = False, **device: Any
+    ) -> Page:
+        context = browser.new_context(**device)
+        contexts.append(context)
+        context.set_default_timeout(1e3 * PATIENCE)
+        context.on("weberror", lambda error: complaints.append(str(error.error)))
+        if is_strict:
+            context.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+            context.on("response", lambda given: complaints.append(given.url) if given.status >= 400 else None)
+        if scene is not None:
+            context.route("**/viewer/**", lambda route: route.fulfill(body=scene, content_type="text/html"))
+        context.add_init_script(before)
+        page = context.new_page()
+        page.goto(url)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+@pytest.fixture
+def visit_scene(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Callable[..., Page]:
+    """Opens the page of the server with its scene, in a small window by default, once that is drawn."""
+
+    def open_page(is_strict: bool = True, **device: Any) -> Page:
+        page = visit(server.url, scene=None, is_strict=is_strict, **(device or SMALL_DESKTOP))
+        expect(page.get_by_test_id("status")).to_contain_text(UP)
+        expect(page.frame_locator("[data-testid=viewer]").locator("canvas").first).to_be_visible()
+        return page
+
+    return open_page
 
 
 def survives_to_the_end(walk: NominalWalk, phase: float, push: Push) -> bool:

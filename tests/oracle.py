@@ -92,7 +92,7 @@ class Oracle:
         return found
 
     def yaws(self, k):
-        """Of the support foot and the footholds to come."""
+        """Yaws of the support foot and the footholds to come."""
         return [self[f"{name}_yaw"][k] for name in ("support", "foothold", "foothold2", "foothold3", "foothold4")]
 
     def sole(self, side, place):

@@ -13,8 +13,8 @@ import httpx
 import pytest
 import segno
 from axe_playwright_python.sync_playwright import Axe
-from conftest import PATIENCE, Server, serving, wait_for
-from playwright.sync_api import Browser, Page, expect
+from conftest import PATIENCE, PHONE, Server, serving, wait_for
+from playwright.sync_api import expect
 from pointers import Mouse, centre
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
@@ -36,8 +36,6 @@ from walkcore import Reference, load_robot
 from walkcore.mpc.plan import Status
 
 pytestmark = pytest.mark.server("hrp2")
-
-SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
 
 
 @pytest.fixture
@@ -362,29 +360,6 @@ def bearer(token: str) -> dict[str, str]:
     return {"Authorization": f"Bearer {token}"} if token else {}
 
 
-@pytest.fixture
-def visit(browser: Browser, server: Server) -> Iterator[Any]:
-    """Opens pages of the server, each in a browser of its own, and holds them to have no errors."""
-    pages: list[Page] = []
-    complaints: list[str] = []
-
-    def open_page(path: str, **device: Any) -> Page:
-        page = browser.new_context(**device).new_page()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
-        page.set_default_timeout(1e3 * PATIENCE)
-        page.goto(f"{server.url}{path}")
-        pages.append(page)
-        return page
-
-    yield open_page
-    for page in pages:
-        page.context.close()
-    assert complaints == []
-
-
-expect.set_options(timeout=1e3 * PATIENCE)
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 SIZES = [(320, 480), (320, 568), (390, 844), (568, 320), (844, 390), (820, 1180), (1180, 820)]
 OUTSIDE = """() => [...document.querySelectorAll("h1, #more, .joystick, .turn, #push, #again, .turn-left")]
   .filter((e) => e.checkVisibility())
@@ -395,13 +370,13 @@ OUTSIDE = """() => [...document.querySelectorAll("h1, #more, .joystick, .turn, #
 
 
 @pytest.mark.exhaustive
-def test_the_screen_leads_phones_to_a_stick_and_a_push_one_after_the_other(visit, api):
-    screen = visit("?booth=http://10.0.0.7:8000", viewport={"width": 1920, "height": 1080})
+def test_the_screen_leads_phones_to_a_stick_and_a_push_one_after_the_other(visit, api, server):
+    screen = visit(f"{server.url}?booth=http://10.0.0.7:8000", viewport={"width": 1920, "height": 1080})
     expect(screen.locator("#booth-state")).to_contain_text("by itself")
     wait_for(lambda: screen.evaluate("document.getElementById('booth-code').naturalWidth > 0"))
     for hidden in (".tools", ".drive", ".push", ".dock", "#notices"):
         expect(screen.locator(hidden)).to_be_hidden()
-    link = api.get("live/booth").json()["phone"].removeprefix("/")
+    link = server.url + api.get("live/booth").json()["phone"].removeprefix("/")
     first = visit(link, **PHONE)
     expect(first.locator("#place")).to_have_text("You drive!")
     second = visit(link, **PHONE)

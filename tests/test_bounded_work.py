@@ -17,9 +17,10 @@ from app.http.run_schemas import RunSummary
 from app.live.control import Control
 from app.live.session_log import Session
 from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
-from app.runs import Run, RunLimits, Runs, RunsUnavailableError, UnknownRunError
+from app.runs import Run, RunLimits, Runs
 from app.runs.run import RunProgress
 from app.runs.runs import MAX_SAVES
+from app.work import RunsUnavailableError, UnknownRunError
 from walkcore import Parameters, load_robot
 
 HRP2 = load_robot("hrp2")
@@ -114,9 +115,10 @@ class Lookups:
 @pytest.fixture
 def lookups() -> Lookups:
     found = Lookups()
-    progress: Any = RunProgress(0.1)
     for run_id in ("a", "b"):
-        found.runs[run_id] = Run(run_id, {}, "hrp2", 1.0, "running", "", 0.0, 0.0, None, progress, 0, None)
+        found.runs[run_id] = Run(
+            id=run_id, source={}, robot="hrp2", duration=1.0, status="running", created=0.0, progress=RunProgress(0.1)
+        )
     return found
 
 

@@ -12,16 +12,17 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from conftest import serving, wait_for
+from conftest import add_finished, serving, wait_for
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
 from app.live.session_log import SessionLog
-from app.runs import RunLimits, Runs, RunsUnavailableError, UnknownRunError
+from app.runs import RunLimits, Runs
 from app.runs.database import ROW_BROKEN
 from app.runs.recovery import FILES_GONE, SERVER_DIED
 from app.runs.store import RunStore
+from app.work import RunsUnavailableError, UnknownRunError
 from walkcore import Command, Simulation, load_robot
 from walkcore.scenario.recording import Recording, record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -59,12 +60,11 @@ def state_of(runs: Runs) -> dict[str, tuple[str, str]]:
 # Full
 
 
-def test_a_full_disk_takes_no_run_says_so_and_takes_them_again(tmp_path, recording):
+def test_a_full_disk_takes_no_run_says_so_and_takes_them_again(tmp_path):
     with opened(tmp_path) as runs:
         with full_disk():
-            for submit in (lambda: runs.submit(SHORT), lambda: runs.add_finished(recording)):
-                with pytest.raises(RunsUnavailableError, match="disk is full"):
-                    submit()
+            with pytest.raises(RunsUnavailableError, match="disk is full"):
+                runs.submit(SHORT)
             assert runs.list() == [] and "disk is full" in runs.problem
         run = runs.submit(SHORT)
         assert runs.problem == "" and [known.id for known in runs.list()] == [run.id]
@@ -72,7 +72,7 @@ def test_a_full_disk_takes_no_run_says_so_and_takes_them_again(tmp_path, recordi
 
 def test_changes_that_a_full_disk_does_not_take_hold_and_are_written_later(tmp_path, recording):
     with opened(tmp_path) as runs:
-        removed, kept = runs.add_finished(recording).id, runs.add_finished(recording).id
+        removed, kept = add_finished(runs, recording).id, add_finished(runs, recording).id
         cancelled = runs.submit(SHORT).id
         with full_disk():
             runs.delete(cancelled)
@@ -98,7 +98,7 @@ def test_trouble_of_a_queue_that_has_nothing_to_do_is_over_when_the_disk_takes_m
         runs.start()
         time.sleep(0.1)  # until the queue waits
         with full_disk(), pytest.raises(RunsUnavailableError):
-            runs._store.add(SHORT, "hrp2", 2.0)
+            runs.store.add(SHORT, "hrp2", 2.0)
         wait_for(lambda: runs.problem == "")
 
 
@@ -139,7 +139,7 @@ def test_a_queue_whose_processes_cannot_start_goes_on(tmp_path, monkeypatch):
     with opened(tmp_path) as runs:
         runs.start()
         with monkeypatch.context() as patch:
-            patch.setattr("app.runs.queue.JobProcess", no_process)
+            patch.setattr("app.work.queue.JobProcess", no_process)
             run = runs.submit(SHORT)
             wait_for(lambda: runs.get(run.id).has_ended)
             assert runs.get(run.id).status == "failed" and "unavailable" in runs.get(run.id).reason
@@ -224,7 +224,7 @@ def test_a_server_on_a_full_disk_says_so_frees_space_by_delete_and_goes_on(tmp_p
 def test_a_read_only_disk_shows_its_runs_and_takes_new_ones_once_it_can_be_written_to(tmp_path, recording):
     with small_disk(tmp_path / "disk", "8m") as disk:
         with opened(disk / "data") as runs:
-            done = runs.add_finished(recording).id
+            done = add_finished(runs, recording).id
         subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
         with opened(disk / "data") as runs:
             assert state_of(runs) == {done: ("done", "")} and "Read-only" in runs.problem
@@ -281,7 +281,7 @@ BREAKAGES = [garbage, half, bad_page, other_table]
 @pytest.mark.parametrize("damage", BREAKAGES)
 def test_a_broken_database_is_set_aside_and_the_runs_in_folders_are_found(tmp_path, recording, damage):
     with opened(tmp_path) as runs:
-        before = [runs.add_finished(recording) for _ in range(3)]
+        before = [add_finished(runs, recording) for _ in range(3)]
         runs.submit(SHORT)
     database = tmp_path / "runs.sqlite"
     damage(database)
@@ -303,7 +303,7 @@ def test_a_broken_database_is_set_aside_and_the_runs_in_folders_are_found(tmp_pa
 @pytest.mark.parametrize("damage", [garbage, Path.unlink, other_table])
 def test_a_database_that_breaks_while_the_server_runs_loses_nothing(tmp_path, recording, damage):
     with opened(tmp_path) as runs:
-        ids = [runs.add_finished(recording).id, runs.submit(SHORT).id]
+        ids = [add_finished(runs, recording).id, runs.submit(SHORT).id]
         damage(tmp_path / "runs.sqlite")
         ids.append(runs.submit(SHORT).id)
         assert {run.id for run in runs.list()} == set(ids)
@@ -326,7 +326,7 @@ def test_a_database_that_breaks_while_the_server_runs_loses_nothing(tmp_path, re
 )
 def test_a_broken_row_is_one_run_that_is_told_of_or_found_in_its_folder(tmp_path, recording, change):
     with opened(tmp_path) as runs:
-        done, other = runs.add_finished(recording), runs.add_finished(recording)
+        done, other = add_finished(runs, recording), add_finished(runs, recording)
         waiting = runs.submit(SHORT)
     with sqlite3.connect(tmp_path / "runs.sqlite") as db:
         db.execute(f"UPDATE runs SET {change} WHERE id IN (?, ?)", (done.id, waiting.id))
@@ -483,6 +483,6 @@ def test_a_run_under_way_when_the_server_died_says_so(tmp_path):
     shutil.copytree(tmp_path / "data", tmp_path / "copy")
     after = RunStore(tmp_path / "copy")
     assert (after.get(run_id).status, after.get(run_id).reason) == ("failed", SERVER_DIED)
-    assert json.dumps(after.get(run_id).scenario) == json.dumps(SHORT)
+    assert json.dumps(after.get(run_id).source) == json.dumps(SHORT)
     after.close()
     store.close()

@@ -20,6 +20,7 @@ from app.routes import (
     timeline,
     uploads,
 )
+from app.settings import Settings
 from walkcore import load_scenario, scenario_names
 from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
 from walkcore.mpc.schemes import SCHEMES
@@ -145,6 +146,10 @@ def test_the_documents_list_every_scheme_scenario_metric_and_format():
     assert scenarios == {name: load_scenario(name).description for name in scenario_names()}
     assert dict(rows(DOCUMENTS["docs/scenarios.md"], "## Metrics")) == METRICS
     assert {ending for ending, *_ in rows(DOCUMENTS["docs/scenarios.md"], "## Formats")} == set(FORMATS)
+
+
+def test_the_documents_tell_every_setting():
+    assert [name for name in Settings.model_fields if f"`{name.upper()}`" not in DOCUMENTS["docs/deployment.md"]] == []
 
 
 def test_the_example_of_a_scenario_is_one():

@@ -5,7 +5,7 @@ import json
 import httpx
 import pytest
 from conftest import PATIENCE, Server, wait_for
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 from websockets.sync.client import ClientConnection, connect
 
 from app.live.driver_lease import ABSENCE_TIMEOUT, DriverLease, LeaseHeldError
@@ -101,9 +101,8 @@ def test_others_are_refused_once_and_may_stop_the_robot(server, api):
 
 
 @pytest.mark.exhaustive
-def test_a_person_drives_alone_and_hands_over_on_the_page(server, api, browser: Browser):
-    page = browser.new_page()
-    page.goto(server.url)
+def test_a_person_drives_alone_and_hands_over_on_the_page(server, api, visit):
+    page = visit(server.url)
     with teleop(server, "bob") as bob:
         wait_for(lambda: len(api.get("live/lease").json()["clients"]) == 2)
         page.get_by_role("button", name="Help").click()
@@ -116,4 +115,3 @@ def test_a_person_drives_alone_and_hands_over_on_the_page(server, api, browser: 
         wait_for(lambda: api.get("live/lease").json()["holder"] == "bob")
         expect(choice).to_be_disabled()
         api.delete("live/lease?by=bob").raise_for_status()
-    page.close()

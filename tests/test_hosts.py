@@ -5,7 +5,6 @@ import socket
 
 import httpx
 import pytest
-from conftest import PATIENCE
 from hypothesis import given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser, expect
@@ -134,6 +133,6 @@ def test_the_documentation_is_drawn_by_its_own_files(server, browser: Browser):
     elsewhere: list[str] = []
     page.on("request", lambda request: elsewhere.append(request.url) if server.host not in request.url else None)
     page.goto(f"{server.url}docs")
-    expect(page.get_by_text("/api/v1/live/push")).to_be_visible(timeout=1e3 * PATIENCE)
+    expect(page.get_by_text("/api/v1/live/push")).to_be_visible()
     assert [address for address in elsewhere if not address.startswith(("data:", "blob:"))] == []
     page.close()

@@ -17,8 +17,8 @@ CORE = """
     mpc.lipm mpc.stance mpc.horizon mpc.gait mpc.orientation mpc.regions mpc.capture
     mpc.preview mpc.objective mpc.schemes mpc.qp
     parameters robot robot_file
-    mpc.viability
-    mpc.supports mpc.constraints mpc.walking_qp mpc.balance_sets
+    mpc.viability mpc.balance_sets
+    mpc.supports mpc.constraints mpc.walking_qp
     mpc.plan mpc.pattern_generator mpc.touchdowns mpc.step_timing
     motion.swing_foot motion.dynamic_filter motion.body_model motion.shapes motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
@@ -36,8 +36,8 @@ CORE = """
     scenario.recording scenario.session scenario.replay
 """.split()
 SERVER = """
-    settings descriptions jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats runs
-    http bench report footholds sweeps figures routes main commands
+    settings descriptions tables jobs robot_files robot_choices drawing robot_picture live viewer robot_switch formats
+    work runs http bench report footholds sweeps figures routes main commands
 """.split()
 
 

@@ -1,11 +1,11 @@
 """Every control of the page is inside the window, reachable and uncovered, at every size and in every state."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import httpx
 import pytest
-from conftest import PATIENCE, Server, wait_for
-from playwright.sync_api import Browser, Page, expect
+from conftest import Server, wait_for
+from playwright.sync_api import Page, expect
 
 # Sizes at which something was out of reach once: tablets and phones, both ways round, with the panel and without.
 SIZES = [
@@ -67,15 +67,11 @@ TROUBLE = """(required) => {
 
 
 @pytest.fixture
-def page(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Page]:
+def page(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Page:
     """The page, with an empty scene and panel."""
-    page = browser.new_page()
-    page.set_default_timeout(1e3 * PATIENCE)
-    page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
-    page.goto(server.url)
-    expect(page.locator("#robot")).to_have_text("Talos", timeout=1e3 * PATIENCE)
-    yield page
-    page.close()
+    page = visit(server.url, SCENE)
+    expect(page.locator("#robot")).to_have_text("Talos")
+    return page
 
 
 def bring_about(state: str, page: Page, api: httpx.Client) -> None:
@@ -90,7 +86,7 @@ def bring_about(state: str, page: Page, api: httpx.Client) -> None:
         wait_for(lambda: (api.get("live").json()["last_push"] or {}).get("survived") is not None)
         api.post("live/pause")
     words = {"walking": "standing", "paused": "paused", "fallen": "fallen"}[state]
-    expect(page.locator("#state")).to_contain_text(words, timeout=1e3 * PATIENCE)
+    expect(page.locator("#state")).to_contain_text(words)
 
 
 def trouble(
@@ -131,7 +127,7 @@ def test_the_time_line_fits_too_and_lies_on_nothing(page, api):
     bring_about("paused", page, api)
     api.post("live/fork", json={"tick": 1})  # whose numbers stand below the time line
     page.locator("#time-back").click()
-    expect(page.locator("#fork-numbers")).to_be_visible(timeout=1e3 * PATIENCE)
+    expect(page.locator("#fork-numbers")).to_be_visible()
     assert trouble(page, SIZES, "paused", FONTS[1:], frozenset(TIME_LINE)) == []
 
 
@@ -161,7 +157,7 @@ def lesson_trouble(page: Page, sizes: list[tuple[int, int]], fonts: list[str]) -
     """All that is wrong with an open lesson and what is around it."""
     page.locator("#presets").click()
     page.locator("#lessons-list button").first.click()
-    expect(page.locator("#lesson")).to_be_visible(timeout=1e3 * PATIENCE)
+    expect(page.locator("#lesson")).to_be_visible()
     found = trouble(page, sizes, "walking", fonts, frozenset({"lesson-end"}), lowest=660)
     for width, height in sizes:
         page.set_viewport_size({"width": width, "height": height})

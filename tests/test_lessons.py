@@ -7,8 +7,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from conftest import PATIENCE, Server, serving, wait_for, walk
-from playwright.sync_api import Browser, expect
+from conftest import Server, serving, wait_for, walk
+from playwright.sync_api import expect
 
 from walkcore import record
 from walkcore.errors import InvalidValueError, UnknownNameError
@@ -16,7 +16,6 @@ from walkcore.scenario.lesson import KEYS, lesson_files, load_lesson, read_lesso
 from walkcore.scenario.scenario import scenario_from_mapping
 
 NAMES = list(lesson_files())
-SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
 OWN = """---
 title: Does it stand?
 question: A robot stands. Is it still there a moment later?
@@ -211,33 +210,26 @@ NOTES_WATCHING = """addEventListener("DOMContentLoaded", () => {
 
 
 @pytest.mark.exhaustive
-def test_the_page_asks_shows_the_walk_and_says_what_it_measured(browser: Browser, server: Server, api: httpx.Client):
-    page = browser.new_page()
-    page.set_default_timeout(1e3 * PATIENCE)
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
-    page.add_init_script(NOTES_WATCHING)
-    page.goto(f"{server.url}#lesson=0-own")
-    expect(page.locator("#lesson-title")).to_have_text("Does it stand?", timeout=1e3 * PATIENCE)
+def test_the_page_asks_shows_the_walk_and_says_what_it_measured(visit, server, api):
+    page = visit(f"{server.url}#lesson=0-own", before=NOTES_WATCHING)
+    expect(page.locator("#lesson-title")).to_have_text("Does it stand?")
     expect(page.locator("#lesson-run")).to_be_disabled()
     page.locator("#lesson label", has_text="It falls.").click()
     page.locator("#lesson-run").click()
-    expect(page.locator("#lesson-state")).to_contain_text("You see: Standing", timeout=1e3 * PATIENCE)
+    expect(page.locator("#lesson-state")).to_contain_text("You see: Standing")
     state = page.locator("#lesson-state")
-    expect(state).to_have_text("The experiment says otherwise: It stands.", timeout=1e3 * PATIENCE)
+    expect(state).to_have_text("The experiment says otherwise: It stands.")
     expect(page.locator("#lesson-result td")).to_have_text("10.0 cm")
     expect(page.locator("#lesson-after strong")).to_have_text("Nothing.")
     assert page.evaluate("window.watched")
     page.locator("#lesson-again button").click()
     expect(state).to_contain_text("You see: Standing")
-    expect(state).to_have_text("The experiment says otherwise: It stands.", timeout=1e3 * PATIENCE)
+    expect(state).to_have_text("The experiment says otherwise: It stands.")
     page.locator("#lesson-next").click()
     expect(page.locator("#lesson-title")).to_have_text(load_lesson(NAMES[0]).title)
     expect(page.locator("#lesson-result")).to_be_hidden()
     page.locator("#lesson-end").click()
     expect(page.locator("#lesson")).to_be_hidden()
-    assert complaints == []
     page.close()
 
 

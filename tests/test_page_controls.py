@@ -1,53 +1,27 @@
 """Controls and displays of the page; the three-dimensional scene is left out, which costs most."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from typing import Any
 
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from conftest import PATIENCE, Server, serving, start_server, wait_for
-from playwright.sync_api import Browser, Page, Route, expect
+from conftest import DESKTOP, PATIENCE, PHONE, UP, Server, live, serving, start_server, wait_for
+from playwright.sync_api import Page, expect
 from pointers import Finger, Mouse, centre
-
-DESKTOP = {"viewport": {"width": 1280, "height": 800}}
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
-UP = re.compile("walking|standing")
-SCENE = "<!doctype html><html><head></head><body id=root>the scene</body></html>"
-
-expect.set_options(timeout=1e3 * PATIENCE)
 
 
 @pytest.fixture
-def visit(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Callable[..., Page]]:
-    """Opens the page in a browser of its own, and holds it to write no errors to the console until the test is over."""
-    pages: list[Page] = []
-    complaints: list[str] = []
+def visit(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Callable[..., Page]:
+    """Opens the page without its scene, once it tells of the robot."""
 
-    def open_page(url: str = "", before: str = "", **device) -> Page:
-        context = browser.new_context(**(device or DESKTOP))
-        page = context.new_page()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.route("**/viewer/**", _stand_in)
-        page.add_init_script(before)
-        page.set_default_timeout(1e3 * PATIENCE)
-        pages.append(page)
-        page.goto(url or server.url)
+    def open_page(url: str = "", before: str = "", **device: Any) -> Page:
+        page = visit(url or server.url, before=before, **(device or DESKTOP))
         expect(page.get_by_test_id("status")).to_contain_text(UP)
         return page
 
-    yield open_page
-    for page in pages:
-        page.context.close()
-    assert complaints == []
-
-
-def _stand_in(route: Route) -> None:
-    route.fulfill(body=SCENE, content_type="text/html")
-
-
-def live(api: httpx.Client) -> dict:
-    return api.get("live").json()
+    return open_page
 
 
 def wait_for_reference(api: httpx.Client, **signs: int) -> dict:
@@ -528,15 +502,12 @@ def test_slow_scene_is_loaded_anew_with_less_to_draw(visit):
 
 
 @pytest.mark.exhaustive
-def test_page_says_that_the_connection_is_lost_and_finds_a_server_that_restarts(browser):
+def test_page_says_that_the_connection_is_lost_and_finds_a_server_that_restarts(visit):
     server = start_server("--robot", "hrp2")
     port = server.host.rpartition(":")[2]
-    page = browser.new_page(**DESKTOP)
     try:
-        page.route("**/viewer/**", _stand_in)
-        page.goto(server.url)
+        page = visit(server.url)
         status = page.get_by_test_id("status")
-        expect(status).to_contain_text(UP)
         server.process.terminate()
         server.process.wait(PATIENCE)
         expect(status).to_contain_text("no connection")
@@ -547,6 +518,5 @@ def test_page_says_that_the_connection_is_lost_and_finds_a_server_that_restarts(
         with server.client() as api:
             wait_for_reference(api, vx=1)
     finally:
-        page.close()
         server.process.terminate()
         server.process.wait(PATIENCE)

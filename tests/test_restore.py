@@ -13,8 +13,9 @@ from app.live.control import Control
 from app.live.fork import Fork
 from app.live.session_log import Session
 from app.runs import restore
-from app.runs.restore import Restore, Restorer
-from app.runs.run import RunsUnavailableError
+from app.runs.restore import Restore
+from app.work import RunsUnavailableError
+from app.work.awaited_jobs import AwaitedJobs
 from walkcore import Parameters, Robot
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import Recording, record
@@ -124,13 +125,13 @@ def test_a_machine_without_room_for_a_process_or_a_file_is_told_and_the_next_tic
         raise OSError(errno.ENOSPC, "No space left on device")
 
     write_run(record(scenario_from_mapping(SCENARIO)), tmp_path, ("npz",))
-    restorer = Restorer()
+    jobs = AwaitedJobs(1, "another tick of a run is being restored")
     with monkeypatch.context() as patch:
         patch.setattr(fails, no_room)
-        with pytest.raises(RunsUnavailableError, match="No space left"), restorer.restored(tmp_path, 60):
+        with pytest.raises(RunsUnavailableError, match="No space left"), restore.restored(jobs, tmp_path, 60):
             pass
-    with restorer.restored(tmp_path, 60) as segments:
+    with restore.restored(jobs, tmp_path, 60) as segments:
         assert segments.is_file()
-    restorer.stop()
-    with pytest.raises(RunsUnavailableError, match="the server stops"), restorer.restored(tmp_path, 60):
+    jobs.stop()
+    with pytest.raises(RunsUnavailableError, match="the server stops"), restore.restored(jobs, tmp_path, 60):
         pass

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 import viser
 from conftest import PATIENCE, Server, serving, wait_for
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 from pydantic import ValidationError
 from scene_reader import decoded
 from test_client_messages import CAMERA, set_value
@@ -113,16 +113,14 @@ def test_places_are_bounded_and_an_operator_finds_one_always(server):
         wait_for(lambda: viewer.get("").status_code == 200)
 
 
-def test_a_viewer_sees_a_page_without_controls(server, browser: Browser):
-    page = browser.new_page()
-    page.goto(server.url)
+def test_a_viewer_sees_a_page_without_controls(server, visit):
+    page = visit(server.url)
     page.get_by_label("Token").fill(VIEWER)
     page.get_by_role("button", name="Sign in").click()
-    expect(page.get_by_test_id("driver")).to_contain_text("you are watching", timeout=1e3 * PATIENCE)
+    expect(page.get_by_test_id("driver")).to_contain_text("you are watching")
     for control in ("joystick", "joystick-turn", "push", "zero", "stop"):
         expect(page.get_by_test_id(control)).to_be_hidden()
     expect(page.get_by_test_id("viewer")).to_be_visible()
-    page.close()
 
 
 @pytest.mark.parametrize("tokens", [("", VIEWER), (OPERATOR, OPERATOR)])

@@ -19,10 +19,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.formats import FORMATS, write_run
-from app.runs import NoRecordingError, Run, RunLimits, Runs, RunsUnavailableError
+from app.runs import RunLimits, Runs
 from app.runs.admission import admitted_scenario
 from app.runs.recovery import SERVER_DIED
 from app.runs.store import RunStore
+from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -308,37 +309,14 @@ def test_the_queue_is_bounded(runs):
     runs.submit(SHORT)
 
 
-def test_a_walk_from_elsewhere_is_kept_as_a_run(runs, tmp_path):
-    recording = record(scenario_from_mapping(SHORT))
-    run = runs.add_finished(recording, real_time_factor=1.0)
-    assert (run.status, run.name, run.robot, run.progress.real_time_factor) == ("done", "short", "hrp2", 1.0)
-    recording.write(tmp_path / "written")
-    for name in ("recording.npz", "recording.csv", "run.json"):
-        assert runs.file(run.id, name).read_bytes() == (tmp_path / "written" / name).read_bytes()
-
-
-def kept(folder: Path, **limits: int) -> list[Run]:
-    runs = service(folder, **limits)
-    recording = record(scenario_from_mapping(SHORT))
-    try:
-        for _ in range(4):
-            runs.add_finished(recording)
-        runs.submit(SHORT)
-        assert {path.name for path in (folder / "done").iterdir()} == {run.id for run in runs.list() if run.size}
-        return [run for run in runs.list() if run.has_ended]
-    finally:
-        runs.stop()
-
-
-def test_the_oldest_runs_go_first_by_count_and_by_size(tmp_path):
-    assert len(kept(tmp_path / "by count", nb_kept=3)) == 3
-    everything = kept(tmp_path / "all")
-    assert len(everything) == 4
-    two = everything[0].size + everything[1].size
-    assert len(kept(tmp_path / "by size", bytes_kept=two)) == 2
-    assert len(kept(tmp_path / "too small", bytes_kept=1)) == 1, "the latest stays"
-    numbers = [run.created for run in everything]
-    assert numbers == sorted(numbers, reverse=True)
+def test_more_ended_runs_than_are_kept_push_out_the_oldest(tmp_path):
+    runs = service(tmp_path, nb_kept=1)
+    runs.start()
+    first, second = runs.submit(SHORT).id, runs.submit(SHORT).id
+    wait_for(lambda: [run.id for run in runs.list() if run.has_ended] == [second], PATIENCE)
+    with pytest.raises(UnknownRunError):
+        runs.get(first)
+    runs.stop()
 
 
 def test_a_second_server_leaves_the_runs_of_the_first_alone(tmp_path, caplog):
@@ -366,6 +344,24 @@ def under_way(store: RunStore) -> str:
     assert run is not None
     record(scenario_from_mapping(SHORT)).write(store.unfinished(run.id))
     return run.id
+
+
+def test_the_oldest_runs_go_first_by_count_and_by_size(store):
+    done = [under_way(store) for _ in range(4)]
+    assert all(store.finish(run_id, 1.0) for run_id in done)
+    waiting = store.add(SHORT, "hrp2", 2.0).id
+
+    def left() -> list[str]:
+        kept = [run.id for run in reversed(store.list())]
+        assert kept.pop() == waiting and {path.name for path in (store.folder / "done").iterdir()} == set(kept)
+        return kept
+
+    store.trim(3)
+    assert left() == done[1:]
+    store.trim(9, store.get(done[2]).size + store.get(done[3]).size)
+    assert left() == done[2:]
+    store.trim(0, 1)
+    assert left() == done[3:], "the latest stays"
 
 
 def test_wherever_a_server_dies_no_run_is_half_there(store, tmp_path):

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
 
 from app.commands import cli
 from app.sweeps.cells import CellStore, cells_table, write_table
@@ -96,11 +95,8 @@ def write_again(folder: Path) -> Path:
     return folder
 
 
-def test_a_click_on_a_cell_shows_its_numbers_and_a_scenario_that_walks_it_again(folder, browser: Browser):
-    page = browser.new_page()
-    errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto((folder / "sweep.html").as_uri())
+def test_a_click_on_a_cell_shows_its_numbers_and_a_scenario_that_walks_it_again(folder, visit):
+    page = visit((folder / "sweep.html").as_uri())
     assert page.locator("h1").inner_text() == SOURCE["name"]
     page.locator("#map .cell").nth(3).click()  # to the left, in the middle of the step
     told = page.locator("#cell").inner_text()
@@ -114,8 +110,6 @@ def test_a_click_on_a_cell_shows_its_numbers_and_a_scenario_that_walks_it_again(
     assert shown["events"][1]["push"].pop("impulse") == pytest.approx(expected["events"][1]["push"].pop("impulse"))
     del expected["description"]
     assert shown == expected and "at least 40.0" in page.locator("#cell").inner_text()
-    assert errors == []
-    page.close()
 
 
 @pytest.mark.exhaustive

@@ -1,18 +1,18 @@
 """The time line of the page: looking back, tick by tick and playing, and going on from there."""
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import httpx
 import pytest
-from conftest import PATIENCE, Server, wait_for
-from playwright.sync_api import Browser, FilePayload, Page, expect
+from conftest import Server, wait_for
+from playwright.sync_api import FilePayload, Page, expect
 
-SCENE = "<!doctype html><html><body><div data-dock-root><div></div></div></body></html>"
+DOCK = "<!doctype html><html><body><div data-dock-root><div></div></div></body></html>"
 
 
 @pytest.fixture
-def page(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Page]:
+def page(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Page:
     """The page without a scene, and a paused walk with a push at tick 151."""
     api.post("live/pause")
     api.post("live/reset")
@@ -20,22 +20,18 @@ def page(browser: Browser, server: Server, api: httpx.Client) -> Iterator[Page]:
     api.post("live/step", json={"ticks": 150})
     api.post("live/push", json={"impulse": [0.0, 6.0]})
     api.post("live/step", json={"ticks": 249})
-    page = browser.new_page()
-    page.set_default_timeout(1e3 * PATIENCE)
-    page.route("**/viewer/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
-    page.goto(server.url)
-    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    page = visit(server.url, DOCK)
+    expect(page.locator("#state")).to_have_text("paused")
     page.keyboard.press("t")
-    expect(page.locator("#moment-tick")).to_have_text("tick 399", timeout=1e3 * PATIENCE)
-    yield page
-    page.close()
+    expect(page.locator("#moment-tick")).to_have_text("tick 399")
+    return page
 
 
 def at(page: Page, tick: int) -> None:
     """Wait until a tick is asked for and shown."""
-    expect(page.locator("#moment-tick")).to_have_text(f"tick {tick}", timeout=1e3 * PATIENCE)
-    expect(page.locator("#state")).to_have_text("the past", timeout=1e3 * PATIENCE)
-    expect(page.locator("#time")).to_have_text(f"0:{tick * 0.005:04.1f}", timeout=1e3 * PATIENCE)
+    expect(page.locator("#moment-tick")).to_have_text(f"tick {tick}")
+    expect(page.locator("#state")).to_have_text("the past")
+    expect(page.locator("#time")).to_have_text(f"0:{tick * 0.005:04.1f}")
 
 
 def test_the_past_is_gone_through_tick_by_tick_by_marks_and_by_playing(page, api):
@@ -55,7 +51,7 @@ def test_the_past_is_gone_through_tick_by_tick_by_marks_and_by_playing(page, api
     page.locator("#play").click()
     assert api.get("live").json()["tick"] == 399, "nothing of the robot changes"
     page.locator("#present").click()
-    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    expect(page.locator("#state")).to_have_text("paused")
 
 
 def test_the_walk_goes_on_from_a_moment_with_the_push_on_the_ring(page, api):
@@ -73,14 +69,14 @@ def test_the_walk_goes_on_from_a_moment_with_the_push_on_the_ring(page, api):
     strength = float(page.locator("#strength").input_value())
     assert live["fork"]["now"]["recovery"]["impulse"] == pytest.approx([0.0, strength], abs=0.1)
     expect(page.locator("#state")).not_to_have_text("the past")
-    expect(page.locator("#fork-was")).to_contain_text("cm", timeout=1e3 * PATIENCE)
+    expect(page.locator("#fork-was")).to_contain_text("cm")
 
 
 def test_whoever_drives_is_back_in_the_present(page, api):
     page.keyboard.press(",")
     at(page, 398)
     page.keyboard.down("w")
-    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
+    expect(page.locator("#state")).to_have_text("paused")
     page.keyboard.up("w")
 
 
@@ -88,8 +84,8 @@ def test_a_reset_ends_the_past(page, api):
     page.keyboard.press(",")
     at(page, 398)
     api.post("live/reset")
-    expect(page.locator("#state")).to_have_text("paused", timeout=1e3 * PATIENCE)
-    expect(page.locator("#notices")).to_contain_text("began anew", timeout=1e3 * PATIENCE)
+    expect(page.locator("#state")).to_have_text("paused")
+    expect(page.locator("#notices")).to_contain_text("began anew")
 
 
 def test_a_saved_run_is_opened_from_the_menu(page, api):
@@ -103,7 +99,7 @@ def test_a_saved_run_is_opened_from_the_menu(page, api):
     page.locator("#mark-on").click()
     expect(page.locator("#moment-text")).to_have_text("0.76 s")
     page.locator("#present").click()
-    expect(page.locator("#moment-text")).to_have_text("now", timeout=1e3 * PATIENCE)
+    expect(page.locator("#moment-text")).to_have_text("now")
 
 
 @pytest.fixture
@@ -129,8 +125,8 @@ def test_a_recording_that_is_chosen_is_opened_and_the_robot_goes_on_from_it(page
     page.locator("#go-on").click()
     expect(page.locator("#go-on")).to_be_disabled()
     wait_for(lambda: (api.get("live").json()["fork"] or {}).get("tick") == 151)
-    expect(page.locator("#go-on")).to_have_text("Go on from here", timeout=1e3 * PATIENCE)
-    expect(page.locator("#moment-text")).to_have_text("now", timeout=1e3 * PATIENCE)
+    expect(page.locator("#go-on")).to_have_text("Go on from here")
+    expect(page.locator("#moment-text")).to_have_text("now")
 
 
 def test_a_recording_that_is_dropped_on_the_scene_says_why_there_is_no_going_on_without_its_run_json(page, files):
@@ -159,5 +155,5 @@ def test_what_is_no_recording_is_refused_with_its_reason(page):
     for name, reason in (("picture.png", "no recording here"), ("walk.csv", "must be a recording")):
         payload = FilePayload(name=name, mimeType="text/plain", buffer=b"hello")
         page.locator("#recording-file").set_input_files([payload])
-        expect(page.locator("#notices")).to_contain_text(reason, timeout=1e3 * PATIENCE)
+        expect(page.locator("#notices")).to_contain_text(reason)
     expect(page.locator("#open-file")).to_be_enabled()

@@ -109,14 +109,14 @@ def _check_length(field: str, text: str) -> None:
 
 
 class _Scalars(Resolver, SafeConstructor):
-    """What a scalar without a tag is, and its value, by PyYAML."""
+    """Kind of a scalar without a tag, and its value, by PyYAML."""
 
     def __init__(self) -> None:
         Resolver.__init__(self)  # pyright: ignore[reportUnknownMemberType] (not in its stubs)
         SafeConstructor.__init__(self)
         makers = {"bool": self.construct_yaml_bool, "int": self.construct_yaml_int, "float": self.construct_yaml_float}
         self.makers = cast(dict[str, Callable[[yaml.ScalarNode], Any]], makers | {"null": self.construct_yaml_null})
-        """How a value is made, by the name of its tag; what has another one is text, such as a date."""
+        """Maker of a value, by the name of its tag; a value with another one is text, such as a date."""
 
     def kind(self, event: yaml.ScalarEvent) -> str:
         """Name of the tag of a scalar that has none written before it."""

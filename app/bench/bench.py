@@ -8,7 +8,7 @@ import gc
 import math
 import platform
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from app.bench.solvers import CLOCK, Durations, SolverResult, compare, problems_of
+from app.tables import text_table
 from walkcore import Command, Push, Reference, Scenario, Simulation, load_scenario
 from walkcore.mpc.plan import Status
 from walkcore.mpc.qp import SOLVERS
@@ -256,7 +257,7 @@ def _stages(bench: Bench) -> str:
         ("around the solver *", *_numbers(bench.around_solver)),
     ]
     note = "* of the point mass, the check where the solution leads included"
-    return _columns(("stage [us]", "median", "p99", "max"), rows) + f"\n{note}"
+    return text_table([("stage [us]", "median", "p99", "max"), *rows], str.rjust) + f"\n{note}"
 
 
 def _solvers(bench: Bench) -> str:
@@ -265,7 +266,7 @@ def _solvers(bench: Bench) -> str:
         (name, *_numbers(r.duration), f"{r.ratio:.2f}", f"{r.foothold_error_p95:.4f}", f"{r.foothold_error_max:.4f}")
         for name, r in bench.solvers.items()
     ]
-    return _columns(head, rows)
+    return text_table([head, *rows], str.rjust)
 
 
 def _steady(bench: Bench) -> str:
@@ -304,7 +305,8 @@ def _steady(bench: Bench) -> str:
             f"{bench.recovering_fastest.tail:.1f}",
         )
     ]
-    return _columns(head, rows) + f"\n* the same, each tick counted by the fastest of its {ROUNDS} rounds"
+    note = f"* the same, each tick counted by the fastest of its {ROUNDS} rounds"
+    return f"{text_table([head, *rows], str.rjust)}\n{note}"
 
 
 def _speeds(bench: Bench) -> str:
@@ -312,17 +314,8 @@ def _speeds(bench: Bench) -> str:
         ("with the body" if p.has_body else "point mass", f"{1e3 * p.control_period:g}", f"{p.real_time_factor:.1f}")
         for p in bench.speeds
     ]
-    return _columns((bench.scenario, "period [ms]", "times real time"), rows)
+    return text_table([(bench.scenario, "period [ms]", "times real time"), *rows], str.rjust)
 
 
 def _numbers(duration: Durations) -> tuple[str, ...]:
     return tuple(f"{value:.0f}" for value in (duration.median, duration.p99, duration.max))
-
-
-def _columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, *rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
-        for line in lines
-    )

@@ -16,6 +16,7 @@ from app.jobs import JobPool, ProcessDiedError
 from app.runs.run import RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
 from app.settings import usable_cores
+from app.tables import text_table
 from walkcore import WalkError, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.parameters import PLANTS
@@ -168,9 +169,7 @@ class CompareCommand:
         runs, names = [read_run(folder) for folder in self.runs], _distinct_names(self.runs)
         with as_written(*self.runs):
             rows = comparison_rows(runs, names)
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        for row in rows:
-            print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        print(text_table(rows))
         if self.out is not None:
             with as_written(*self.runs):
                 _, page = write_comparison(runs, names, self.out)

@@ -9,6 +9,7 @@ import tyro
 from tqdm import tqdm
 
 from app.settings import usable_cores
+from app.tables import text_table
 from walkcore.analysis.sweep import Sweep, load_sweep, sweep_names
 from walkcore.errors import InvalidValueError
 
@@ -75,7 +76,7 @@ class SweepCommand:
         from app.sweeps.cells import CellStore
         from app.sweeps.engine import SweepProgress, lowest_bounds, run_sweep, sweep_versions
         from app.sweeps.results import write_results
-        from app.sweeps.summary import summary_rows, text_table
+        from app.sweeps.summary import summary_rows
 
         store = CellStore(out, sweep, sweep_versions(sweep))
         interval = 0.5 if sys.stderr.isatty() else 30.0  # a log gets a line now and then
@@ -130,7 +131,6 @@ class SweepCompareCommand:
         """Read, compare and print."""
         from app.sweeps.cells import read_cells
         from app.sweeps.comparison import comparison_rows, extremes, paired
-        from app.sweeps.summary import text_table
 
         one, other = (read_cells(folder)[:2] for folder in (self.before, self.after))
         tolerance = max(sweep.pushes.scan.tolerance for sweep, _ in (one, other))

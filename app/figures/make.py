@@ -14,6 +14,7 @@ from app.figures import drawing, measures
 from app.figures.claims import Claim, claims
 from app.figures.methods import draw_methods, methods_sweep, table_of_methods, walk_methods
 from app.figures.walks import Walks, sample_motion, sample_motions, simulate, solve_times
+from app.tables import markdown_table
 
 TITLES = {
     "speed_only": "QP (17): speed only",
@@ -107,11 +108,9 @@ def _circumstances(walks: Walks) -> str:
 
 
 def _table_of_claims(claims: Sequence[Claim]) -> str:
-    rows = [
-        f"| {n} | {claim.what} | {claim.paper} | {claim.measured} | {'yes' if claim.is_met else 'no'} |"
-        for n, claim in enumerate(claims, 1)
-    ]
-    return "\n".join(["| | what | paper | measured | as the paper |", "|---|---|---|---|---|", *rows, ""])
+    head = ["", "what", "paper", "measured", "as the paper"]
+    rows = [[str(n), c.what, c.paper, c.measured, "yes" if c.is_met else "no"] for n, c in enumerate(claims, 1)]
+    return markdown_table([head, *rows]) + "\n"
 
 
 def _reasons(claims: Sequence[Claim]) -> str:
@@ -121,21 +120,13 @@ def _reasons(claims: Sequence[Claim]) -> str:
 
 def _table_of_variations(walks: Walks) -> str:
     """Mean lateral speeds with other foothold regions and weights."""
-    rows: list[str] = []
+    rows = [["foothold region", "feet apart [cm]", "placement allows", "by (19)", "by (31)"]]
     for name, variation in walks.variations.items():
         y = 100 * np.array(variation.full.parameters["foothold_region"])[:, 1]
         speeds = [abs(measures.lateral_speed(walk)) for walk in (variation.full, variation.mean_velocity)]
-        numbers = " | ".join(f"{speed:.3f}" for speed in (measures.lateral_bound(variation.full), *speeds))
-        rows.append(f"| {name} | {y.min():.1f} to {y.max():.1f} | {numbers} |")
+        numbers = [f"{speed:.3f}" for speed in (measures.lateral_bound(variation.full), *speeds)]
+        rows.append([name, f"{y.min():.1f} to {y.max():.1f}", *numbers])
     reference = abs(measures.lateral_reference(walks.without_push))
     period = walks.variations[next(iter(walks.variations))].full.parameters["control_period"]
-    return "\n".join(
-        [
-            f"What decides the mean lateral speed [m/s], reference {reference:g} (tick {period:g} s, no push):",
-            "",
-            "| foothold region | feet apart [cm] | placement allows | by (19) | by (31) |",
-            "|---|---|---|---|---|",
-            *rows,
-            "",
-        ]
-    )
+    title = f"What decides the mean lateral speed [m/s], reference {reference:g} (tick {period:g} s, no push):"
+    return f"{title}\n\n{markdown_table(rows)}\n"

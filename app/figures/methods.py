@@ -10,6 +10,7 @@ from app.drawing.axes import figure, ink
 from app.sweeps.cells import CellStore
 from app.sweeps.engine import run_sweep, sweep_versions
 from app.sweeps.summary import WalkCells, walks_of
+from app.tables import markdown_table
 from walkcore.analysis.sweep import Sweep, load_sweep, sweep_from_mapping
 
 SWEEP = "methods"
@@ -70,17 +71,13 @@ def draw_methods(path: Path, formats: tuple[str, ...], title: str, walks: list[W
 
 def table_of_methods(walks: list[WalkCells]) -> str:
     """A Markdown table of what each method survives, in the order of the sweep."""
-    rows = [
-        "| method | worst | median | mean [N s] | worst | median [m/s] | beyond what was tried |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = [["method", "worst", "median", "mean [N s]", "worst", "median [m/s]", "beyond what was tried"]]
     for walk in walks:
         found = walk.summary()
         impulse, delta_v = found["largest_impulse"], found["delta_v"]
         numbers = [f"{impulse[key]:.1f}" for key in ("worst", "median", "mean")]
         numbers += [f"{delta_v[key]:.2f}" for key in ("worst", "median")]
         capped = f"{walk.nb_capped} of {walk.largest.size}"
-        rows.append(f"| {walk.scenario.parameters.formulation.label} | {' | '.join(numbers)} | {capped} |")
-    return "\n".join(
-        ["Largest pushes survived, by all methods on the same pushes, steps of fixed duration:", "", *rows, ""]
-    )
+        rows.append([walk.scenario.parameters.formulation.label, *numbers, capped])
+    title = "Largest pushes survived, by all methods on the same pushes, steps of fixed duration:"
+    return f"{title}\n\n{markdown_table(rows)}\n"

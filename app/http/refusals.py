@@ -15,7 +15,7 @@ from app.http.schemas import ErrorBody, FieldError
 from app.live.control import NothingToSaveError, NotPausedError
 from app.live.driver_lease import LeaseHeldError
 from app.live.messages import NoResponseError
-from app.runs import NoRecordingError, RunsUnavailableError, UnknownRunError
+from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are reported

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, computed_field
 
 from app.formats import FORMATS
-from app.runs.run import RunStatus
+from app.work import WorkStatus
 
 
 class WorkSummary(BaseModel):
@@ -17,7 +17,7 @@ class WorkSummary(BaseModel):
 
     id: str
     name: str = Field(description="Name of what was sent.")
-    status: RunStatus
+    status: WorkStatus
     reason: str = Field(description="Why it failed, or was cancelled.")
     created: datetime
     started: datetime | None
@@ -52,7 +52,7 @@ class RunSummary(WorkSummary):
 class RunBody(RunSummary):
     """A scripted run."""
 
-    scenario: Mapping[str, Any] = Field(description="The scenario as it was sent.")
+    scenario: Mapping[str, Any] = Field(description="The scenario as it was sent.", validation_alias="source")
     metrics: Mapping[str, Any] | None = Field(description="Metrics in run.json, of a run that is done.")
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import Field, computed_field
+from pydantic import AliasPath, Field, computed_field
 
 from app.http.json_schema import Json, list_of, mapping, number, text, whole
 from app.http.run_schemas import WorkSummary
@@ -50,9 +50,12 @@ FILES = {"page": "sweep.html", "parquet": "cells.parquet", "json": "sweep.json"}
 class SweepSummary(WorkSummary):
     """A sweep that was posted, without what was sent."""
 
-    nb_cells: int
-    nb_done: int = Field(description="Cells that are finished.")
-    time_left: float | None = Field(description="Estimated time that is left [s]; null before it is known.")
+    nb_cells: int = Field(validation_alias=AliasPath("progress", "nb_cells"))
+    nb_done: int = Field(validation_alias=AliasPath("progress", "nb_done"), description="Cells that are finished.")
+    time_left: float | None = Field(
+        validation_alias=AliasPath("progress", "time_left"),
+        description="Estimated time that is left [s]; null before it is known.",
+    )
 
     @computed_field(description="Address of each file of a sweep that is done.")
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from app.formats import StoredRun
 from app.report import pictures, tables
 from app.report.tables import Rows
+from app.tables import markdown_table
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d2126; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -113,9 +114,7 @@ def _markdown(title: str, text: str, sections: Sequence[Section]) -> str:
     for section in sections:
         parts += [f"## {section.title}", _plain(section.sentence)]
         if section.rows:
-            head, *body = [[_plain(cell).replace("|", "\\|") for cell in row] for row in section.rows]
-            lines = [head, ["---"] * len(head), *body]
-            parts.append("\n".join(f"| {' | '.join(row)} |" for row in lines))
+            parts.append(markdown_table([[_plain(cell).replace("|", "\\|") for cell in row] for row in section.rows]))
         parts += [f"![{figure}]({figure}.svg)" for figure in section.figures]
     return "\n\n".join(part for part in parts if part) + "\n"
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from app.http.run_schemas import WorkSummary
-from app.runs import RunsUnavailableError, UnknownRunError
-from app.runs.run import ENDED
+from app.work import ENDED, RunsUnavailableError, UnknownRunError
 
 PERIOD = 0.2  # [s] between looks
 MAX_STREAMS = 200  # open at once

@@ -18,7 +18,7 @@ from app.http.schemas import ErrorBody, TimelineBody
 from app.routes.dependencies import AllRuns, KnownRun, RoomToFollow
 from app.routes.past_run import run_timeline
 from app.runs import Run, Runs
-from app.sweeps.posted_sweep import PostedSweep
+from app.work import Work
 
 BUSY: dict[str, Any] = {
     "model": ErrorBody,
@@ -133,7 +133,7 @@ def _download(run: Run, name: str, runs: Runs) -> FileResponse:
     return file_response(run, runs.file(run.id, name), f".{name.rpartition('.')[2]}", media_type, "allow-scripts")
 
 
-def file_response(work: Run | PostedSweep, path: Path, ending: str, media_type: str, rights: str) -> FileResponse:
+def file_response(work: Work, path: Path, ending: str, media_type: str, rights: str) -> FileResponse:
     """A file of a run or a sweep, named after it: a page opens, anything else is saved.
 
     Args:

@@ -21,8 +21,10 @@ from app.routes.dependencies import AllRuns, LiveRunner, LiveViewer, Past
 from app.routes.live_robot import REFUSALS
 from app.routes.past_run import RunTicks, check_robot
 from app.routes.scripted_runs import NO_RECORDING
-from app.runs import NoRecordingError, Runs, RunsUnavailableError, UnknownRunError
+from app.runs import Runs
+from app.runs.restore import restored
 from app.viewer import PastLook, TooManyLooksError
+from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
 from walkcore.errors import WalkError
 from walkcore.values import MAX_TICK
 
@@ -74,7 +76,7 @@ def _fork_from_run(forked: Fork, run_id: str, runner: Runner, runs: Runs) -> Non
     """Let the robot go on from a tick of a recorded run; waits until it does."""
     folder = runs.file(run_id, "run.json").parent
     check_robot(runs.get(run_id).robot, runner.robot)
-    with runs.restorer.restored(folder, forked.tick) as segments:
+    with restored(runs.restoring, folder, forked.tick) as segments:
         runner.fork(forked, segments).result()
 
 

@@ -50,7 +50,7 @@ async def upload(
     The body is the file itself; its first bytes tell which of these it is. Parquet and MCAP carry their run.json.
     Without one there is something to look at, and no tick to go on from.
     """
-    with runs.uploads.place(), runs.uploads.draft() as draft:
+    with runs.uploads.place(), runs.draft() as draft:
         await _receive(request, draft / FILE, runs.upload_limits.bytes)
         walked = robot or switch.runner.robot.name
         run = await asyncio.to_thread(runs.add_upload, draft / FILE, name, walked)

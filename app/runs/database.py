@@ -9,7 +9,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, get_args
 
-from app.runs.run import Run, RunProgress, RunStatus
+from app.runs.run import Run, RunProgress
+from app.work import WorkStatus
 
 logger = logging.getLogger(__name__)
 
@@ -164,20 +165,19 @@ def _runs(db: sqlite3.Connection) -> Iterator[Run]:
 
 def broken_run(run_id: str) -> Run:
     """A run of which nothing is known but that it was there."""
-    progress = RunProgress()
-    return Run(run_id, {}, "", 0.0, "failed", ROW_BROKEN, 0.0, None, None, progress=progress, size=0, metrics=None)
+    return Run(id=run_id, source={}, robot="", duration=0.0, status="failed", reason=ROW_BROKEN, created=0.0)
 
 
 def _run(row: sqlite3.Row) -> Run:
     scenario, metrics = json.loads(row["scenario"]), json.loads(row["metrics"]) if row["metrics"] else None
     if not isinstance(scenario, dict) or not isinstance(scenario.get("name", ""), str):
         raise ValueError("its scenario is none")
-    if row["status"] not in get_args(RunStatus) or not isinstance(metrics, dict | None):
+    if row["status"] not in get_args(WorkStatus) or not isinstance(metrics, dict | None):
         raise ValueError("its status or its metrics are none")
     size = int(row["size"])
     return Run(
         id=row["id"],
-        scenario=scenario,
+        source=scenario,
         robot=str(row["robot"]),
         duration=float(row["duration"]),
         status=row["status"],
@@ -198,7 +198,7 @@ def _time(value: Any) -> float | None:
 def _row(run: Run) -> dict[str, Any]:
     return {
         "id": run.id,
-        "scenario": json.dumps(run.scenario),
+        "scenario": json.dumps(run.source),
         "robot": run.robot,
         "duration": run.duration,
         "status": run.status,

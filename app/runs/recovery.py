@@ -65,11 +65,10 @@ def found_run(folder: Path) -> Run | None:
         scenario, ended = run_json["scenario"], (folder / "run.json").stat().st_mtime
         return Run(
             id=folder.name,
-            scenario={**scenario, "name": str(scenario.get("name", "unnamed"))},
+            source={**scenario, "name": str(scenario.get("name", "unnamed"))},
             robot=str(run_json["parameters"]["robot"]),
             duration=float(scenario["duration"]),
             created=ended,
-            started=None,
             ended=ended,
             progress=RunProgress(1.0),
             size=folder_size(folder),

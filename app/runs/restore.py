@@ -7,7 +7,6 @@ does is compared row by row, bit by bit: what another machine or another version
 
 import math
 import tempfile
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,10 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from app.formats import as_written, read_run
-from app.jobs import JobRunner, ProcessDiedError, Report
+from app.jobs import ProcessDiedError, Report
 from app.live.session_log import PackedSegment, SessionLog, write_packed
-from app.runs.run import RunsUnavailableError
 from app.runs.upload import HAS_SCENARIO, WITHOUT_SCENARIO, limit_this_process
+from app.work.awaited_jobs import AwaitedJobs
+from app.work.work import RunsUnavailableError
 from walkcore import Simulation, Snapshot
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import joint_columns, plant_columns, row
@@ -30,7 +30,6 @@ from walkcore.values import Matrix
 
 BEFORE, AFTER = 30.0, 20.0  # [s] of the recorded walk around the tick that go to the robot: its past, and the ghost's
 PROCESSOR_TIME = 300  # [s]: a minute of Talos takes 12 s, in contact physics a minute
-NICENESS = 5  # of 19: a person waits for it, but the live walk goes before
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,50 +113,29 @@ def _since(kept: list[PackedSegment], tick: int) -> list[PackedSegment]:
     return kept[start:]
 
 
-class Restorer:
-    """Restores one tick at a time, in a process of its own. May be called from any thread, which waits."""
+@contextmanager
+def restored(jobs: AwaitedJobs, folder: Path, tick: int) -> Iterator[Path]:
+    """File of segments, for `app.live.session_log.read_packed`, that hold a tick of a run.
 
-    def __init__(self) -> None:
-        """Start no process yet."""
-        self._turn = threading.Lock()
-        self._runner = JobRunner(NICENESS)
+    Args:
+        jobs: has a place for one such job.
+        folder: of the run.
+        tick: of its recording.
 
-    @contextmanager
-    def restored(self, folder: Path, tick: int) -> Iterator[Path]:
-        """File of segments, for `app.live.session_log.read_packed`, that hold a tick of a run.
-
-        Args:
-            folder: of the run.
-            tick: of its recording.
-
-        Raises:
-            InvalidValueError: if it cannot be restored exactly.
-            RunsUnavailableError: if another tick is being restored, the server stops, or there is no room for it.
-        """
-        if not self._turn.acquire(blocking=False):
-            raise RunsUnavailableError("another tick of a run is being restored")
+    Raises:
+        InvalidValueError: if it cannot be restored exactly.
+        RunsUnavailableError: if another tick is being restored, the server stops, or there is no room for it.
+    """
+    with jobs.place(), _place_for_segments() as place:
+        segments = Path(place) / "segments"
         try:
-            with _place_for_segments() as place:
-                segments = Path(place) / "segments"
-                self._restore(Restore(folder, tick, segments))
-                yield segments
-        finally:
-            self._turn.release()
-
-    def stop(self) -> None:
-        """End the process, if there is one."""
-        self._runner.stop()
-
-    def _restore(self, job: Restore) -> None:
-        try:
-            self._runner.run(job).result()
+            jobs.run(Restore(folder, tick, segments))
         except ProcessDiedError as error:
-            if self._runner.is_stopping:
-                raise RunsUnavailableError("the server stops") from None
             limit = f"must be restored within {PROCESSOR_TIME} s of processor time ({error})"
-            raise InvalidValueError("tick", job.tick, limit) from error
+            raise InvalidValueError("tick", tick, limit) from error
         except OSError as error:
             raise RunsUnavailableError(f"the tick cannot be restored: {error}") from error
+        yield segments
 
 
 def _place_for_segments() -> "tempfile.TemporaryDirectory[str]":

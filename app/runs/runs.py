@@ -2,36 +2,37 @@
 
 import logging
 import tempfile
-import threading
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from app.formats import FORMATS
-from app.jobs import ProcessDiedError
+from app.jobs import Job, ProcessDiedError
 from app.live.session_log import write_segments
 from app.robot_choices import RobotChoices
 from app.runs.admission import RunLimits, admitted_scenario
-from app.runs.queue import Converter, RunQueue
-from app.runs.restore import Restorer
-from app.runs.run import NoRecordingError, Run, RunsUnavailableError
-from app.runs.run_jobs import WriteSession
-from app.runs.run_writer import RunWriter
+from app.runs.run import Run
+from app.runs.run_jobs import WriteSession, WrittenRun, convert
 from app.runs.store import DataInUseError, RunStore
 from app.runs.upload import PROCESSOR_TIME, TakeUpload, UploadLimits
+from app.work import NoRecordingError, RunsUnavailableError, WorkQueue
+from app.work.awaited_jobs import AwaitedJobs
+from app.work.queue import NICENESS, failure
 from walkcore import Robot
 from walkcore.errors import InvalidValueError
-from walkcore.scenario.recording import Recording
 
 logger = logging.getLogger(__name__)
 
 MAX_SAVES = 4  # sessions that may be under way: each has its file
 MAX_UPLOADS = 2  # files that may be under way
+MAX_CONVERSIONS = 8  # threads of the server's that may wait for one
 SEGMENTS = "segments"  # file of a session that is being written
 
 
-class Runs:
+class Runs(WorkQueue[Run]):
     """All runs of one server. All methods may be called from any thread."""
 
     def __init__(
@@ -63,48 +64,41 @@ class Runs:
         """
         self.limits, self._choices = limits, choices
         self.upload_limits = UploadLimits(upload_bytes, limits.ticks)
-        self._nb_queued, self._nb_kept, self._bytes_kept = nb_queued, nb_kept, bytes_kept
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
-        self._store = self._open(folder)
-        self._queue = RunQueue(self._store, nb_workers, on_end=self._trim)
-        self._admission = threading.Lock()
-        self._converter = Converter()
-        self.sessions = RunWriter(self._store, MAX_SAVES, "walks are being saved")
-        """Keeps walks that were driven live; see `add_session`."""
-        self.uploads = RunWriter(self._store, MAX_UPLOADS, "files are being uploaded")
-        """Keeps recordings from elsewhere; see `add_upload`."""
-        self.restorer = Restorer()
-        """Restores ticks of runs, for the live robot to go on from."""
+        self.store = self._open(folder)
+        """The runs on the disk."""
+        super().__init__(self.store, nb_workers, nb_queued, nb_kept, bytes_kept)
+        self._conversions = AwaitedJobs(MAX_CONVERSIONS, f"{MAX_CONVERSIONS} files are being made already", NICENESS)
+        self.sessions = AwaitedJobs(MAX_SAVES, f"{MAX_SAVES} walks are being saved already")
+        """Jobs that keep walks which were driven live; see `add_session`."""
+        self.uploads = AwaitedJobs(MAX_UPLOADS, f"{MAX_UPLOADS} files are being uploaded already")
+        """Jobs that keep recordings from elsewhere; see `add_upload`."""
+        self.restoring = AwaitedJobs(1, "another tick of a run is being restored")
+        """Jobs that restore ticks of runs, for the live robot to go on from; see `app.runs.restore`."""
 
     @property
     def folder(self) -> Path:
         """Folder where the runs are kept, which no other server has."""
-        return self._store.folder
-
-    def start(self) -> None:
-        """Begin with the queued runs."""
-        self._queue.start()
+        return self.store.folder
 
     def stop(self) -> None:
         """End all processes. The next server reports runs under way as failed, and takes up queued ones."""
-        self._converter.stop()
-        self.sessions.stop()
-        self.uploads.stop()
-        self.restorer.stop()
-        self._queue.stop()
-        self._store.close()
+        for jobs in (self._conversions, self.sessions, self.uploads, self.restoring):
+            jobs.stop()
+        super().stop()
+        self.store.close()
         if self._temporary is not None:
             self._temporary.cleanup()
 
     @property
     def problem(self) -> str:
         """The trouble that keeps runs from being kept or started; empty if there is none."""
-        return self._store.problem
+        return self.store.problem
 
     @property
     def notice(self) -> str:
         """The repairs that were made when the data folder was opened; empty if none were needed."""
-        return self._store.notice
+        return self.store.notice
 
     def submit(self, scenario: Mapping[str, Any]) -> Run:
         """Take in a scenario, to be simulated when a process is free.
@@ -114,37 +108,22 @@ class Runs:
             RunsUnavailableError: if too many wait already, or the disk takes no more.
         """
         admitted = admitted_scenario(scenario, self.limits, self._choices)
-        with self._admission:
-            if self._store.nb_queued() >= self._nb_queued:
-                raise RunsUnavailableError(f"{self._nb_queued} runs wait already")
-            try:
-                return self._store.add(admitted.source, admitted.robot.name, admitted.duration)
-            finally:
-                self._queue.wake()  # to begin with it, or to try the disk again that did not take it
+        return self._take_in(lambda: self.store.add(admitted.source, admitted.robot.name, admitted.duration))
 
-    def add_finished(self, recording: Recording, real_time_factor: float | None = None) -> Run:
-        """Keep a walk that was not simulated here, such as one that was just driven live, as a run that is done.
-
-        Args:
-            recording: of the walk.
-            real_time_factor: simulated over real time, where it is known.
+    @contextmanager
+    def draft(self) -> Iterator[Path]:
+        """An empty folder for a run's files, which is thrown away at the end unless the run was kept.
 
         Raises:
-            RunsUnavailableError: if the disk does not take it.
+            RunsUnavailableError: if the disk does not take what is written into it.
         """
-        scenario = recording.scenario
-        run = self._store.add(scenario.source, scenario.robot.name, scenario.duration, status="running")
+        draft_id = uuid4().hex
         try:
-            recording.write(self._store.unfinished(run.id))
-            self._store.finish(run.id, real_time_factor)
+            yield self.store.unfinished(draft_id)
         except OSError as error:
-            self._store.fail(run.id, f"could not be kept: {error}")
-            raise RunsUnavailableError(f"the run cannot be kept: {error}") from error
-        except BaseException as error:
-            self._store.fail(run.id, f"could not be kept: {error}")
-            raise
-        self._trim()
-        return self._store.get(run.id)
+            raise RunsUnavailableError(f"the walk cannot be kept: {error}") from error
+        finally:
+            self.store.discard(draft_id)
 
     def add_session(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
         """Keep a walk that was driven live as a run that is done.
@@ -157,17 +136,15 @@ class Runs:
         Raises:
             RunsUnavailableError: if the server stops, or the disk does not take the files.
         """
-        with self.sessions.draft() as draft:
+        with self.draft() as draft:  # the server never holds what has tens of megabytes: the process reads it there
             write_segments(segments, draft / SEGMENTS)
-            run = self.sessions.keep(draft, WriteSession(draft / SEGMENTS, name, robot, draft))
-        self._trim()
-        return run
+            return self._keep(draft, self.sessions, WriteSession(draft / SEGMENTS, name, robot, draft))
 
     def add_upload(self, file: Path, name: str, robot: str) -> Run:
         """Keep a recording from elsewhere as a run that is done.
 
         Args:
-            file: as it was uploaded, in a draft of `uploads`.
+            file: as it was uploaded, in a `draft`.
             name: of the run; empty for that of its scenario.
             robot: that walked, where the file has no run.json.
 
@@ -177,42 +154,29 @@ class Runs:
         """
         job = TakeUpload(file, name, robot, self._choices or RobotChoices(), self.upload_limits)
         try:
-            run = self.uploads.keep(file.parent, job)
+            return self._keep(file.parent, self.uploads, job)
         except ProcessDiedError as error:
             limit = f"must be read within {PROCESSOR_TIME} s of processor time ({error})"
             raise InvalidValueError("file", "too much", limit) from error
+
+    def _keep(self, draft: Path, jobs: AwaitedJobs, job: Job[WrittenRun]) -> Run:
+        """Do the job that writes a run into its draft, and take it in as a run that is done.
+
+        Args:
+            draft: whatever else lies in it has to be removed by the job.
+            jobs: do it in turn.
+            job: writes run.json and a recording there.
+        """
+        written = jobs.run(job)
+        run = self.store.add(written.scenario, written.robot, written.duration, status="running")
+        try:
+            draft.replace(self.store.unfinished(run.id))  # which is empty
+            self.store.finish(run.id, None)
+        except OSError as error:  # it is in the list already
+            self.store.fail(run.id, f"could not be kept: {error}")
+            raise
         self._trim()
-        return run
-
-    def get(self, run_id: str) -> Run:
-        """The present state of a run.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-        """
-        return self._with_progress(self._store.get(run_id))
-
-    def list(self) -> list[Run]:
-        """All runs, the latest first."""
-        return [self._with_progress(run) for run in self._store.list()]
-
-    def delete(self, run_id: str) -> Run:
-        """Cancel a run that has not ended, its process included; remove one that has.
-
-        Returns:
-            The run as it was: one that had not ended is kept, as cancelled.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-            RunsUnavailableError: if its files cannot be removed.
-        """
-        run = self._store.get(run_id)
-        if self._store.cancel(run_id):
-            self._queue.cancel(run_id)
-        else:
-            self._store.remove(run_id)
-            self._queue.wake()  # there is space
-        return run
+        return self.store.get(run.id)
 
     def file(self, run_id: str, name: str) -> Path:
         """A file of a run that was simulated to its end: run.json, or a recording, made now if need be.
@@ -222,25 +186,26 @@ class Runs:
             NoRecordingError: if the run has no files, or none of that name.
             RunsUnavailableError: if too many are being made.
         """
-        run = self._store.get(run_id)
-        path = self._store.files(run.id) / name
+        run = self.store.get(run_id)
+        path = self.store.files(run.id) / name
         ending = next((form.ending for form in FORMATS.values() if form.file == name), None)
         if run.size and ending is not None and not path.is_file():
-            self._converter.make(path.parent, ending, name)
-            self._store.measure(run.id)
+            with self._conversions.place(), self._conversions.turn:
+                if not path.is_file():  # else it was made meanwhile
+                    self._convert(path, ending)
+                    self.store.measure(run.id)
         if not path.is_file():
             raise NoRecordingError(f"run {run_id} is {run.status}: it has no {name}")
         return path
 
-    def _with_progress(self, run: Run) -> Run:
-        progress = self._queue.progress(run.id) if run.status == "running" else None
-        return run if progress is None else replace(run, progress=progress)
-
-    def _trim(self) -> None:
+    def _convert(self, path: Path, ending: str) -> None:
+        """Convert in a process: drawing and packing take memory, and are seldom requested."""
         try:
-            self._store.trim(self._nb_kept, self._bytes_kept)
-        except RunsUnavailableError as error:
-            logger.warning("old runs are kept: %s", error)
+            self._conversions.run(partial(convert, path.parent, ending))
+        except RunsUnavailableError:
+            raise
+        except Exception as error:
+            raise NoRecordingError(f"the recording cannot be written as {ending}: {failure(error)}") from error
 
     def _open(self, folder: Path) -> RunStore:
         try:

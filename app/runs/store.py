@@ -15,7 +15,6 @@ import logging
 import os
 import shutil
 import sqlite3
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,8 +24,9 @@ from uuid import uuid4
 
 from app.runs.database import RunDatabase, is_broken
 from app.runs.recovery import corrected, folder_size, outcome
-from app.runs.run import Run, RunProgress, RunStatus, RunsUnavailableError, UnknownRunError
+from app.runs.run import Run, RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
+from app.work import RunsUnavailableError, WorkStatus, WorkStore
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class DataInUseError(OSError):
     """Another server keeps its runs in this folder."""
 
 
-class RunStore:
+class RunStore(WorkStore[Run]):
     """Keeps runs under a folder. All methods may be called from any thread."""
 
     def __init__(self, folder: Path) -> None:
@@ -46,14 +46,13 @@ class RunStore:
         Raises:
             DataInUseError: if another server has it.
         """
+        super().__init__()
         self.folder = folder
         self.notice = ""
         """The repairs that were made when the folder was opened; empty if none were needed."""
         self._done, self._unfinished = folder / "done", folder / "unfinished"
-        self._lock = threading.RLock()
         self._lock_file: Any = None
         self._database = RunDatabase(folder / "runs.sqlite")
-        self._runs: dict[str, Run] = {}  # the oldest first
         self._unwritten: dict[str, None] = {}  # ids of runs whose rows are not up to date, the oldest change first
         self._error = ""
         self._lacks_space = False
@@ -64,7 +63,7 @@ class RunStore:
             raise
         except (OSError, sqlite3.Error) as error:
             self._trouble(error)
-            self._runs = {run.id: run for run in self._database.read_only()}
+            self._works = {run.id: run for run in self._database.read_only()}
             self._correct()
 
     def close(self) -> None:
@@ -83,7 +82,7 @@ class RunStore:
             return f"runs wait for space on the disk of {self.folder}: {free / 1e6:.1f} MB are free"
         return ""
 
-    def add(self, scenario: Mapping[str, Any], robot: str, duration: float, status: RunStatus = "queued") -> Run:
+    def add(self, scenario: Mapping[str, Any], robot: str, duration: float, status: WorkStatus = "queued") -> Run:
         """Take in a run, under a new id.
 
         Args:
@@ -95,77 +94,41 @@ class RunStore:
         Raises:
             RunsUnavailableError: if it cannot be written.
         """
-        run = Run(
-            id=uuid4().hex,
-            scenario=scenario,
-            robot=robot,
-            duration=duration,
-            status=status,
-            reason="",
-            created=time.time(),
-            started=None,
-            ended=None,
-            progress=RunProgress(),
-            size=0,
-            metrics=None,
-        )
+        run = Run(id=uuid4().hex, source=scenario, robot=robot, duration=duration, status=status, created=time.time())
         with self._lock:
             self._put(run)
             if run.id in self._unwritten:
-                del self._unwritten[run.id], self._runs[run.id]
+                del self._unwritten[run.id], self._works[run.id]
                 raise RunsUnavailableError(f"the run cannot be kept: {self._error}")
             return run
-
-    def get(self, run_id: str) -> Run:
-        """The run of an id.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-        """
-        with self._lock:
-            run = self._runs.get(run_id)
-        if run is None:
-            raise UnknownRunError(run_id)
-        return run
-
-    def list(self) -> list[Run]:
-        """All runs, the latest first."""
-        with self._lock:
-            return list(reversed(self._runs.values()))
-
-    def nb_queued(self) -> int:
-        """Number of runs that wait."""
-        with self._lock:
-            return sum(run.status == "queued" for run in self._runs.values())
 
     def has_work(self) -> bool:
         """Whether something waits to be started or written, now or as soon as the disk takes it."""
         with self._lock:
-            return bool(self._error or self._unwritten) or self.nb_queued() > 0
+            return bool(self._error or self._unwritten) or super().has_work()
 
     def start_next(self) -> Run | None:
         """The run that has waited longest of those that the disk has space for, from now on running; None without."""
         with self._lock:
             self._write()
-            queued = [run for run in self._runs.values() if run.status == "queued"]
-            free = self._free() - RESERVE if queued else 0
-            run = next((run for run in queued if run.expected_size <= free), None)
-            self._lacks_space = bool(queued) and run is None
-            if run is None or self._error:
-                return None
-            return self._put(replace(run, status="running", started=time.time()))
+            run = None if self._error else super().start_next()
+            self._lacks_space = not self._error and run is None and self.nb_queued() > 0
+            return run
 
-    def job(self, run_id: str) -> Simulate:
+    def _has_room(self, work: Run) -> bool:
+        return work.expected_size <= self._free() - RESERVE
+
+    def job(self, work_id: str) -> Simulate:
         """The job that simulates a run.
 
         Raises:
             OSError: if there can be no folder for its files.
         """
-        return Simulate(self.get(run_id).scenario, self.unfinished(run_id))
+        return Simulate(self.get(work_id).source, self.unfinished(work_id))
 
-    def keep(self, run_id: str, result: SimulationResult) -> bool:
+    def keep(self, work_id: str, result: SimulationResult) -> bool:
         """Keep the files of a run that was simulated; see `finish`."""
-        return self.finish(run_id, result.real_time_factor)
+        return self.finish(work_id, result.real_time_factor)
 
     def unfinished(self, run_id: str) -> Path:
         """A new empty folder for the files of a run that is under way.
@@ -191,8 +154,8 @@ class RunStore:
         told = outcome(folder)
         size = sum(_sync(file) for file in folder.iterdir())
         with self._lock:
-            run = self._runs.get(run_id)
-            if run is None or run.status != "running":
+            run = self._running(run_id)
+            if run is None:
                 self.discard(run_id)
                 return False
             folder.rename(self._done / run_id)
@@ -200,24 +163,7 @@ class RunStore:
             self._put(replace(run, ended=time.time(), progress=progress, size=size, **told))
             return True
 
-    def fail(self, run_id: str, reason: str) -> None:
-        """Mark a run that was under way as failed; what is there of its files goes first."""
-        self.discard(run_id)
-        with self._lock:
-            run = self._runs.get(run_id)
-            if run is not None and run.status == "running":
-                self._put(replace(run, status="failed", reason=_unicode(reason), ended=time.time()))
-
-    def cancel(self, run_id: str) -> bool:
-        """Cancel a run that has not ended; False if there was none."""
-        with self._lock:
-            run = self._runs.get(run_id)
-            if run is None or run.has_ended:
-                return False
-            self._put(replace(run, status="cancelled", reason="cancelled on request", ended=time.time()))
-            return True
-
-    def remove(self, run_id: str) -> None:
+    def remove(self, work_id: str) -> None:
         """Forget a run that has ended, files and all; the files go first, which frees the space that the rest takes.
 
         Raises:
@@ -225,36 +171,22 @@ class RunStore:
         """
         with self._lock:
             try:
-                (self._done / run_id / "run.json").unlink(missing_ok=True)
+                (self._done / work_id / "run.json").unlink(missing_ok=True)
             except OSError as error:
                 raise RunsUnavailableError(f"the files of the run cannot be removed: {error}") from error
-            shutil.rmtree(self._done / run_id, ignore_errors=True)
-            self._runs.pop(run_id, None)
-            self._unwritten[run_id] = None
+            shutil.rmtree(self._done / work_id, ignore_errors=True)
+            self._works.pop(work_id, None)
+            self._unwritten[work_id] = None
             self._write()
 
-    def trim(self, nb_kept: int, bytes_kept: int) -> None:
-        """Remove the oldest ended runs, but never the latest.
-
-        Args:
-            nb_kept: most runs that are kept.
-            bytes_kept: most bytes that all their files may have.
-        """
-        ended = [run for run in self.list() if run.has_ended]
-        size = 0
-        for i, run in enumerate(ended):
-            size += run.size
-            if i > 0 and (i >= nb_kept or size > bytes_kept):
-                self.remove(run.id)
-
-    def discard(self, run_id: str) -> None:
+    def discard(self, work_id: str) -> None:
         """Throw away the files of a run that has not been finished."""
-        shutil.rmtree(self._unfinished / run_id, ignore_errors=True)
+        shutil.rmtree(self._unfinished / work_id, ignore_errors=True)
 
     def measure(self, run_id: str) -> None:
         """Update the size of a run, whose files have changed."""
         with self._lock:
-            if (run := self._runs.get(run_id)) is not None:
+            if (run := self._works.get(run_id)) is not None:
                 self._put(replace(run, size=folder_size(self.files(run_id))))
 
     def files(self, run_id: str) -> Path:
@@ -268,12 +200,12 @@ class RunStore:
         except OSError:
             return 0
 
-    def _put(self, run: Run) -> Run:
+    def _put(self, work: Run) -> Run:
         """Take over the new state of a run, in memory and if possible on the disk."""
-        self._runs[run.id] = run
-        self._unwritten[run.id] = None
+        self._works[work.id] = work
+        self._unwritten[work.id] = None
         self._write()
-        return run
+        return work
 
     def _write(self) -> None:
         """Bring the rows up to date, as far as the disk takes them; in place of a broken database comes a new one."""
@@ -281,7 +213,7 @@ class RunStore:
             try:
                 self._open()
                 for run_id in list(self._unwritten):
-                    self._database.write(run_id, self._runs.get(run_id))
+                    self._database.write(run_id, self._works.get(run_id))
                     del self._unwritten[run_id]
                 self._error = ""
                 return
@@ -289,7 +221,7 @@ class RunStore:
                 self._trouble(error)
                 if not is_broken(error) or self._lock_file is None:
                     return
-                self._unwritten = dict.fromkeys([*self._runs, *self._unwritten])
+                self._unwritten = dict.fromkeys([*self._works, *self._unwritten])
                 self._release()
 
     def _trouble(self, error: Exception) -> None:
@@ -321,22 +253,22 @@ class RunStore:
         except BaseException:
             self._release()
             raise
-        before = self._runs
+        before = self._works
         for folder in self._unfinished.iterdir() if self._unfinished.is_dir() else ():
             if folder.name not in before or before[folder.name].has_ended:
                 shutil.rmtree(folder, ignore_errors=True)
-        self._runs = {run.id: run for run in runs if run.id not in self._unwritten}
-        self._runs |= {run_id: before[run_id] for run_id in self._unwritten if run_id in before}
+        self._works = {run.id: run for run in runs if run.id not in self._unwritten}
+        self._works |= {run_id: before[run_id] for run_id in self._unwritten if run_id in before}
         nb_found = self._correct()
-        self._runs = {run.id: run for run in sorted(self._runs.values(), key=lambda run: run.created)}
+        self._works = {run.id: run for run in sorted(self._works.values(), key=lambda run: run.created)}
         if set_aside:
             self.notice = f"the database of the runs was broken and is set aside as {set_aside}; "
             self.notice += f"{nb_found} runs were found again in their folders"
 
     def _correct(self) -> int:
         """Set runs right by their folders; the number of those that only their folders tell of."""
-        right, nb_found = corrected(self._runs, self._done, self._unwritten)
-        self._runs |= right
+        right, nb_found = corrected(self._works, self._done, self._unwritten)
+        self._works |= right
         self._unwritten |= dict.fromkeys(right)
         return nb_found
 
@@ -357,8 +289,3 @@ def _sync(path: Path) -> int:
     with path.open("rb") as file:
         os.fsync(file.fileno())
         return os.fstat(file.fileno()).st_size
-
-
-def _unicode(text: str) -> str:
-    """The text without lone surrogates, which no row takes."""
-    return text.encode(errors="replace").decode()

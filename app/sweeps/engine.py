@@ -135,7 +135,7 @@ class _Tasks:
 
 
 def _run_length(missing: list[int], at: int, most: int) -> int:
-    """How many missing cells follow each other without a gap, at most so many."""
+    """Number of missing cells that follow each other without a gap, at most so many."""
     run = missing[at : at + most]
     gap = next((k for k, (one, other) in enumerate(pairwise(run), 1) if other != one + 1), len(run))
     return gap

@@ -11,7 +11,6 @@ import json
 import logging
 import math
 import shutil
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,50 +19,24 @@ from typing import Any
 from uuid import uuid4
 
 from app.jobs import Report
-from app.runs.run import ENDED, RunStatus, RunsUnavailableError, UnknownRunError
 from app.sweeps.cells import CellStore, read_json, write_whole
-from app.sweeps.engine import run_sweep, sweep_versions
+from app.sweeps.engine import SweepProgress, run_sweep, sweep_versions
 from app.sweeps.results import write_results
+from app.work import RunsUnavailableError, Work, WorkStore
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import WalkError
 
 logger = logging.getLogger(__name__)
 
 STATE, RESULTS = "state.json", "results"
-KEPT = ("source", "nb_cells", "status", "reason", "created", "started", "ended", "size")
+KEPT = ("source", "status", "reason", "created", "started", "ended", "size")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PostedSweep:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PostedSweep(Work):
     """A sweep and the state of its walks."""
 
-    id: str
-    source: Mapping[str, Any]
-    """The sweep as it was sent."""
-    nb_cells: int
-    status: RunStatus = "queued"
-    reason: str = ""
-    """Why it failed, or was cancelled."""
-    created: float = 0.0
-    """Time at which it was taken in [s since 1970], as the following times."""
-    started: float | None = None
-    ended: float | None = None
-    size: int = 0
-    """Size of its files [bytes]."""
-    nb_done: int = 0
-    """Cells that are finished."""
-    time_left: float | None = None
-    """Estimated time that is left [s]; None before it is known."""
-
-    @property
-    def name(self) -> str:
-        """Name of the sweep."""
-        return self.source.get("name", "unnamed")
-
-    @property
-    def has_ended(self) -> bool:
-        """Whether nothing more will change."""
-        return self.status in ENDED
+    progress: SweepProgress
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,8 +60,10 @@ class WalkSweep:
         write_results(self.folder)
 
 
-class PostedSweepStore:
+class PostedSweepStore(WorkStore[PostedSweep]):
     """Keeps posted sweeps under a folder that no other server has. All methods may be called from any thread."""
+
+    kind = "sweep"
 
     def __init__(self, folder: Path) -> None:
         """Read the sweeps of the folder, which is made when there is one to keep.
@@ -96,10 +71,10 @@ class PostedSweepStore:
         Args:
             folder: of all sweeps.
         """
+        super().__init__()
         self._folder = folder
-        self._lock = threading.RLock()
         found = filter(None, map(_read, folder.iterdir() if folder.is_dir() else ()))
-        self._sweeps = {sweep.id: sweep for sweep in sorted(found, key=lambda sweep: sweep.created)}  # the oldest first
+        self._works = {sweep.id: sweep for sweep in sorted(found, key=lambda sweep: sweep.created)}
 
     def add(self, source: Mapping[str, Any], nb_cells: int) -> PostedSweep:
         """Take in a sweep, under a new id.
@@ -107,7 +82,8 @@ class PostedSweepStore:
         Raises:
             RunsUnavailableError: if it cannot be written.
         """
-        sweep = PostedSweep(uuid4().hex, source, nb_cells, created=time.time())
+        progress = SweepProgress(0, nb_cells, None)
+        sweep = PostedSweep(id=uuid4().hex, source=source, created=time.time(), progress=progress)
         with self._lock:
             try:
                 (self._folder / sweep.id).mkdir(parents=True)
@@ -115,74 +91,29 @@ class PostedSweepStore:
             except OSError as error:
                 shutil.rmtree(self._folder / sweep.id, ignore_errors=True)
                 raise RunsUnavailableError(f"the sweep cannot be kept: {error}") from error
-            self._sweeps[sweep.id] = sweep
+            self._works[sweep.id] = sweep
         return sweep
 
-    def get(self, run_id: str, /) -> PostedSweep:
-        """The sweep of an id.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-        """
-        with self._lock:
-            sweep = self._sweeps.get(run_id)
-        if sweep is None:
-            raise UnknownRunError(run_id, "sweep")
-        return sweep
-
-    def list(self) -> list[PostedSweep]:
-        """All sweeps, the latest first."""
-        with self._lock:
-            return list(reversed(self._sweeps.values()))
-
-    def nb_queued(self) -> int:
-        """Number of sweeps that wait."""
-        return sum(sweep.status == "queued" for sweep in self.list())
-
-    def has_work(self) -> bool:
-        """Whether a sweep waits."""
-        return self.nb_queued() > 0
-
-    def start_next(self) -> PostedSweep | None:
-        """The sweep that has waited longest, from now on running; None without."""
-        with self._lock:
-            sweep = next((sweep for sweep in self._sweeps.values() if sweep.status == "queued"), None)
-            return None if sweep is None else self._put(replace(sweep, status="running", started=time.time()))
-
-    def job(self, run_id: str, /) -> WalkSweep:
+    def job(self, work_id: str) -> WalkSweep:
         """The job that walks a sweep."""
-        return WalkSweep(self.get(run_id).source, self.results(run_id))
+        return WalkSweep(self.get(work_id).source, self.results(work_id))
 
-    def keep(self, run_id: str, _: None, /) -> None:
+    def keep(self, work_id: str, result: None) -> None:
         """Mark a sweep that was under way as done."""
         with self._lock:
-            sweep = self._sweeps.get(run_id)
-            if sweep is not None and sweep.status == "running":
-                size = sum(file.stat().st_size for file in self.results(run_id).rglob("*") if file.is_file())
-                self._put(replace(sweep, status="done", ended=time.time(), nb_done=sweep.nb_cells, size=size))
-            else:
-                self._discard(run_id)
+            sweep = self._running(work_id)
+            if sweep is None:
+                self.discard(work_id)
+                return
+            size = sum(file.stat().st_size for file in self.results(work_id).rglob("*") if file.is_file())
+            progress = replace(sweep.progress, nb_done=sweep.progress.nb_cells)
+            self._put(replace(sweep, status="done", ended=time.time(), progress=progress, size=size))
 
-    def fail(self, run_id: str, reason: str, /) -> None:
-        """Mark a sweep that was under way as failed; what is there of its results goes."""
-        with self._lock:
-            sweep = self._sweeps.get(run_id)
-            if sweep is not None and sweep.status == "running":
-                self._put(replace(sweep, status="failed", reason=reason, ended=time.time()))
-            self._discard(run_id)
+    def discard(self, work_id: str) -> None:
+        """Throw away the results of a sweep."""
+        shutil.rmtree(self.results(work_id), ignore_errors=True)
 
-    def cancel(self, sweep_id: str) -> bool:
-        """Cancel a sweep that has not ended; False if there was none."""
-        with self._lock:
-            sweep = self._sweeps.get(sweep_id)
-            if sweep is None or sweep.has_ended:
-                return False
-            self._put(replace(sweep, status="cancelled", reason="cancelled on request", ended=time.time()))
-            if sweep.status == "queued":
-                self._discard(sweep_id)
-            return True
-
-    def remove(self, sweep_id: str) -> None:
+    def remove(self, work_id: str) -> None:
         """Forget a sweep that has ended, files and all.
 
         Raises:
@@ -190,38 +121,27 @@ class PostedSweepStore:
         """
         with self._lock:
             try:
-                (self._folder / sweep_id / STATE).unlink(missing_ok=True)
+                (self._folder / work_id / STATE).unlink(missing_ok=True)
             except OSError as error:
                 raise RunsUnavailableError(f"the sweep cannot be removed: {error}") from error
-            shutil.rmtree(self._folder / sweep_id, ignore_errors=True)
-            self._sweeps.pop(sweep_id, None)
-
-    def trim(self, nb_kept: int) -> None:
-        """Remove the oldest ended sweeps, beyond so many; those that the disk does not let go are kept."""
-        for sweep in [sweep for sweep in self.list() if sweep.has_ended][nb_kept:]:
-            try:
-                self.remove(sweep.id)
-            except RunsUnavailableError as error:
-                logger.warning("an old sweep is kept: %s", error)
+            shutil.rmtree(self._folder / work_id, ignore_errors=True)
+            self._works.pop(work_id, None)
 
     def results(self, sweep_id: str) -> Path:
         """Folder of the results of a sweep."""
         return self._folder / sweep_id / RESULTS
 
-    def _discard(self, sweep_id: str) -> None:
-        shutil.rmtree(self.results(sweep_id), ignore_errors=True)
-
-    def _put(self, sweep: PostedSweep) -> PostedSweep:
+    def _put(self, work: PostedSweep) -> PostedSweep:
         """Take over a new state, in memory and if possible on the disk."""
-        self._sweeps[sweep.id] = sweep
+        self._works[work.id] = work
         try:
-            self._write(sweep)
+            self._write(work)
         except OSError as error:  # the next change tries again; a server that starts finds an older state, and goes on
-            logger.warning("the state of sweep %s cannot be written: %s", sweep.id, error)
-        return sweep
+            logger.warning("the state of sweep %s cannot be written: %s", work.id, error)
+        return work
 
     def _write(self, sweep: PostedSweep) -> None:
-        state = {name: getattr(sweep, name) for name in KEPT}
+        state = {name: getattr(sweep, name) for name in KEPT} | {"nb_cells": sweep.progress.nb_cells}
         write_whole(self._folder / sweep.id / STATE, json.dumps(state))
 
 
@@ -232,7 +152,9 @@ def _read(folder: Path) -> PostedSweep | None:
     """
     try:
         state = read_json(folder / STATE)
-        sweep = PostedSweep(folder.name, **{name: state[name] for name in KEPT})
+        nb_cells = state["nb_cells"]
+        progress = SweepProgress(nb_cells if state["status"] == "done" else 0, nb_cells, None)
+        sweep = PostedSweep(id=folder.name, progress=progress, **{name: state[name] for name in KEPT})
         if not isinstance(sweep.source, dict) or not math.isfinite(sweep.created):
             raise ValueError("its state is none")
     except (FileNotFoundError, NotADirectoryError, WalkError, LookupError, TypeError, ValueError) as error:
@@ -242,6 +164,4 @@ def _read(folder: Path) -> PostedSweep | None:
     except OSError as error:  # the next server may be able to
         logger.warning("the sweep in %s cannot be read, and is left as it is: %s", folder, error)
         return None
-    if sweep.status == "running":
-        return replace(sweep, status="queued", started=None)
-    return replace(sweep, nb_done=sweep.nb_cells) if sweep.status == "done" else sweep
+    return replace(sweep, status="queued", started=None) if sweep.status == "running" else sweep

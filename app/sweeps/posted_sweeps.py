@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from app.robot_choices import RobotChoices
-from app.runs.queue import RunQueue
-from app.runs.run import NoRecordingError, RunsUnavailableError
-from app.sweeps.engine import SweepProgress
 from app.sweeps.posted_sweep import PostedSweep, PostedSweepStore
+from app.work import NoRecordingError, WorkQueue
 from walkcore.analysis.survival import OBSERVED, STEADY
 from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 from walkcore.errors import InvalidValueError
@@ -33,8 +30,11 @@ class SweepLimits:
     """Ended sweeps that are kept; the oldest go first."""
 
 
-class PostedSweeps:
-    """All sweeps of one server: one at a time, by a process behind the live walk. May be called from any thread."""
+class PostedSweeps(WorkQueue[PostedSweep]):
+    """All sweeps of one server: one at a time, by a process behind the live walk. May be called from any thread.
+
+    The next server goes on with the sweep that was under way when the last one ended.
+    """
 
     def __init__(self, folder: Path, limits: SweepLimits, choices: RobotChoices | None = None) -> None:
         """Read the folder.
@@ -45,17 +45,9 @@ class PostedSweeps:
             choices: robots that a sweep may name; by default those that ship.
         """
         self.limits, self._choices = limits, choices or RobotChoices()
-        self._store = PostedSweepStore(folder)
-        self._queue = RunQueue(self._store, 1, on_end=lambda: self._store.trim(limits.kept))
-        self._admission = Lock()
-
-    def start(self) -> None:
-        """Begin with the queued sweeps, those among them that were under way when the last server ended."""
-        self._queue.start()
-
-    def stop(self) -> None:
-        """End the process; the next server goes on with the sweep that was under way."""
-        self._queue.stop()
+        self.store = PostedSweepStore(folder)
+        """The sweeps on the disk."""
+        super().__init__(self.store, 1, limits.queued, limits.kept)
 
     def submit(self, data: Mapping[str, Any]) -> PostedSweep:
         """Take in a sweep, to be walked when those before it have ended.
@@ -65,41 +57,7 @@ class PostedSweeps:
             RunsUnavailableError: if too many wait already, or the disk takes no more.
         """
         sweep = admitted_sweep(data, self.limits, self._choices)
-        with self._admission:
-            if self._store.nb_queued() >= self.limits.queued:
-                raise RunsUnavailableError(f"{self.limits.queued} sweeps wait already")
-            added = self._store.add(sweep.source, sweep.nb_cells)
-        self._queue.wake()
-        return added
-
-    def get(self, sweep_id: str) -> PostedSweep:
-        """The present state of a sweep.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-        """
-        return self._with_progress(self._store.get(sweep_id))
-
-    def list(self) -> list[PostedSweep]:
-        """All sweeps, the latest first."""
-        return [self._with_progress(sweep) for sweep in self._store.list()]
-
-    def delete(self, sweep_id: str) -> PostedSweep:
-        """Cancel a sweep that has not ended, its process included; remove one that has.
-
-        Returns:
-            The sweep as it was: one that had not ended is kept, as cancelled.
-
-        Raises:
-            UnknownRunError: if there is none of that id.
-            RunsUnavailableError: if its files cannot be removed.
-        """
-        sweep = self._store.get(sweep_id)
-        if self._store.cancel(sweep_id):
-            self._queue.cancel(sweep_id)
-        else:
-            self._store.remove(sweep_id)
-        return sweep
+        return self._take_in(lambda: self.store.add(sweep.source, sweep.nb_cells))
 
     def file(self, sweep: PostedSweep, name: str) -> Path:
         """A file of a sweep that is done.
@@ -107,16 +65,10 @@ class PostedSweeps:
         Raises:
             NoRecordingError: if it is not, or has no file of that name.
         """
-        path = self._store.results(sweep.id) / name
+        path = self.store.results(sweep.id) / name
         if sweep.status != "done" or not path.is_file():
             raise NoRecordingError(f"sweep {sweep.id} is {sweep.status}: it has no {name}")
         return path
-
-    def _with_progress(self, sweep: PostedSweep) -> PostedSweep:
-        progress = self._queue.progress(sweep.id) if sweep.status == "running" else None
-        if not isinstance(progress, SweepProgress):
-            return sweep
-        return replace(sweep, nb_done=progress.nb_done, time_left=progress.time_left)
 
 
 def admitted_sweep(data: Mapping[str, Any], limits: SweepLimits, choices: RobotChoices) -> Sweep:

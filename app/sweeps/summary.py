@@ -124,9 +124,3 @@ def summary_rows(walks: Sequence[WalkCells]) -> list[list[str]]:
         ]
         rows.append([walk.name, *numbers, f"{walk.nb_capped} of {walk.largest.size}", str(walk.nb_islands)])
     return rows
-
-
-def text_table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as lines of text, with the columns below each other."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)

@@ -13,12 +13,13 @@ import numpy as np
 
 from walkcore.methods.method import Method
 from walkcore.methods.situation import Situation, situation
+from walkcore.mpc.balance_sets import capture_sets
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.pattern_generator import CAPTURE_TOLERANCE, PatternGenerator, tick_preview
 from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
 from walkcore.mpc.regions import inset_vertices
 from walkcore.mpc.stance import convex_hull
-from walkcore.mpc.supports import Supports, WalkingProblem, capture_sets
+from walkcore.mpc.supports import Supports, WalkingProblem
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import Stages, TimeLeft, unlimited

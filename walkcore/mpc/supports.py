@@ -10,9 +10,9 @@ import numpy as np
 
 from walkcore.cache import instance_cache
 from walkcore.command import Reference
-from walkcore.mpc.capture import StepTiming, strides, viable_polygons, viable_vertices
+from walkcore.mpc.balance_sets import CaptureSets, capture_sets
 from walkcore.mpc.horizon import Horizon, SampleStance, StanceSequence
-from walkcore.mpc.lipm import CoMState, Pendulum
+from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.orientation import Turn, foothold_yaws
 from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon
 from walkcore.mpc.schemes import Footholds
@@ -28,7 +28,6 @@ OtherFoot = tuple[float, float, float]
 POINT = box([0.0, 0.0])
 NOWHERE = frozen_copy(np.zeros(2))
 MAX_SUPPORTS = 16  # they change with each sample, or when a foot or its yaw moves
-TIGHTENING = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,47 +97,6 @@ class Supports:
     def nb_edges(self) -> tuple[int, ...]:
         """Rows of each of these polygons."""
         return tuple(len(p.lower) for p in (*self.cop_polygons, *self.foothold_regions, self.flight))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CaptureSets:
-    """Capturable states of the DCM, each as `viable_polygons` has them; they take most of the time of a change."""
-
-    viable: Mapping[Side, tuple[HalfPlanes, ...]]
-    """By steps that keep all margins."""
-    tight: Mapping[Side, tuple[HalfPlanes, ...]]
-    """By steps that keep all margins and use part of the foothold region only."""
-    on_whole_soles: Mapping[Side, tuple[HalfPlanes, ...]]
-    """By steps that use the whole soles."""
-
-
-def capture_sets(robot: Robot, parameters: Parameters, step_duration: float | None = None) -> CaptureSets:
-    """The capturable states of a robot with some parameters; the same object where these decide the same.
-
-    Args:
-        robot: whose soles, regions and foot speed count.
-        parameters: with margin and timing.
-        step_duration: of the coming steps [s]; by default that of the parameters.
-
-    Raises:
-        EmptyRegionError: if the margin leaves nothing of the sole.
-    """
-    p = parameters
-    height = robot.com_height if p.com_height is None else p.com_height
-    single_support = (p.step_duration if step_duration is None else step_duration) - p.double_support_duration
-    timing = StepTiming(p.double_support_duration, single_support, Pendulum(height, p.gravity).omega)
-    return _capture_sets(robot, p.cop_margin, timing, p.sampling_period)
-
-
-@lru_cache(maxsize=32)  # adaptive step timing has four durations of the coming steps
-def _capture_sets(robot: Robot, margin: float, timing: StepTiming, sampling_period: float) -> CaptureSets:
-    region, part = (strides(r, robot.max_foot_speed, timing) for r in (robot.foothold_region, part_of_region(robot)))
-    return CaptureSets(
-        *(
-            viable_polygons(viable_vertices(robot.sole, margin, vertices, timing, sampling_period))
-            for margin, vertices in ((margin, region), (margin, part), (0.0, region))
-        )
-    )
 
 
 def inner_soles(robot: Robot, margin: float) -> dict[Side, HalfPlanes]:
@@ -316,12 +274,6 @@ class SupportGeometry:
             terminal_set_tight=inner if ends_on_both else supports.terminal_set_tight,
             terminal_set=both if ends_on_both else supports.terminal_set,
         )
-
-
-def part_of_region(robot: Robot) -> Matrix:
-    """The part of the foothold region that a plan which had to be corrected may count on later [m], shape (V, 2)."""
-    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
-    return middle + TIGHTENING * (region - middle)
 
 
 def _viable(sets: Mapping[Side, tuple[HalfPlanes, ...]], sample: SampleStance, feet: Feet) -> HalfPlanes:

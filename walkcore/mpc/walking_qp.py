@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from walkcore.mpc.balance_sets import OVERSHOOT
 from walkcore.mpc.constraints import ConstraintRows, Constraints, constrained_points, polygon_of_point
 from walkcore.mpc.objective import objective
 from walkcore.mpc.preview import FOOTHOLD_SCALE, SUPPORT, Preview, QPInputs
@@ -25,7 +26,6 @@ from walkcore.parameters import Parameters
 from walkcore.values import Matrix, Vector
 
 MARGIN_PENALTY = 1e4  # per metre and second; above any multiplier of the margin, so that the penalty is exact
-OVERSHOOT = 5e-3  # [m] of the margin that is never given up: between samples the CoP bulges by up to T^2/8 ddc
 TERMINAL_PENALTY = 1e5  # per metre; worth more than any margin given up for it, which grows tenfold over a step
 
 
