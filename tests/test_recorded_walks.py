@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 from oracle import Oracle, excess
 
-from walkcore import load_scenario, record
+from walkcore import load_robot, load_scenario, record
+from walkcore.scenario.scaling import scaled
 
 SAMPLE_MOTIONS = ("herdt-2010-section-6", "herdt-2010-section-6-hrp2")
-SCENARIOS = (*SAMPLE_MOTIONS, pytest.param("turns-and-stops", marks=pytest.mark.exhaustive))
+MORE = ("turns-and-stops", *(f"{SAMPLE_MOTIONS[0]}@{robot}" for robot in ("alexander", "romeo")))
+SCENARIOS = (*SAMPLE_MOTIONS, *(pytest.param(name, marks=pytest.mark.exhaustive) for name in MORE))
+"""Names of scenarios, some with the robot that they are scaled to."""
 
 
 @pytest.fixture(scope="module", params=SCENARIOS)
 def run(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
-    record(load_scenario(request.param)).write(folder)
+    name, _, robot = request.param.partition("@")
+    scenario = load_scenario(name)
+    record(scaled(scenario, load_robot(robot)) if robot else scenario).write(folder)
     parameters = json.loads((folder / "run.json").read_text())["parameters"]
     with np.load(folder / "recording.npz") as columns:
         return Oracle(parameters, dict(columns))
