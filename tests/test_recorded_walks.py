@@ -36,7 +36,7 @@ def test_every_tick_is_solved_and_finite(run):
 def test_footholds_are_the_exact_optimum(run, every):
     worst = 0.0
     for k in range(0, len(run["tick"]), every):
-        footholds, _ = run.footholds(k)
+        footholds = run.footholds(k)[0][:2]  # the recording has the first two: short steps leave room for a third
         decided = np.array([[run[f"foothold{n}_{a}"][k] for a in "xy"] for n in ("", "2")])[: len(footholds)]
         is_planned = len(footholds) > 0 or run["steps_to_stand"][k] == 1
         assert np.isnan(run["foothold_x"][k]) != is_planned
