@@ -14,10 +14,10 @@ export const PRESETS = {
 };
 
 /** An event of a walk in the proportions of another robot: the same shares of its fastest walk and of its strongest push. */
-function scaled({ reference, push, ...event }, from, to) {
+export function scaled({ reference, push, ...event }, from, to) {
   const walked = ([key, part]) => {
     const side = part < 0 ? 0 : 1; // robots walk backward more slowly
-    return [key, part && (part * to[key][side]) / from[key][side]];
+    return [key, part && to[key][side] * (part / from[key][side])]; // in this order the fastest is exactly the fastest
   };
   if (reference) event.reference = Object.fromEntries(Object.entries(reference).map(walked));
   if (push) event.push = { ...push, impulse: push.impulse.map((part) => (part * to.push) / from.push) };

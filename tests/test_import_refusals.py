@@ -36,6 +36,27 @@ def quadruped():
     return f'<robot name="quadruped">{"".join(parts)}</robot>'
 
 
+def renamed(urdf):
+    """The same with names of links and joints that tell nothing."""
+    for number, name in enumerate(re.findall(r'<(?:link|joint) name="([^"]*)"', urdf)):
+        urdf = urdf.replace(f'"{name}"', f'"part{number}"')
+    return urdf
+
+
+def floating(urdf):
+    base = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="trunk"/></joint>'
+    return urdf.replace("</robot>", base + "</robot>")
+
+
+def in_millimetres(urdf):
+    """The same with a thousand times the lengths."""
+
+    def longer(found):
+        return found[1] + " ".join(str(1000.0 * float(word)) for word in found[2].split()) + found[3]
+
+    return re.sub(r'(<(?:origin xyz|box size)=")([^"]*)(")', longer, urdf)
+
+
 LONE_LINK = '<robot name="a"><link name="a"><inertial><mass value="1"/></inertial></link></robot>'
 POINT = r'(<link name="(?:left|right)_ankle_roll_link">.*?)<visual>.*?</collision>'
 SPHERE = r'\1<collision><geometry><sphere radius="0.03"/></geometry></collision>'
@@ -64,14 +85,24 @@ SPHERE = r'\1<collision><geometry><sphere radius="0.03"/></geometry></collision>
         (changed(r"<inertial>.*?</inertial>", "", 0), "urdf", "each needs an <inertial>"),
         (changed(r"<limit [^>]*/>", ""), "urdf.joint.left_hip_yaw", 'must have a <limit lower="..."'),
         (changed('"revolute"', '"continuous"', 0), "left leg", "make it revolute"),
-        (changed(r'upper="2.4"', 'upper="0.1"', 0), "left knee", "must bend by 0.2 rad.*-0.05, 0.1"),
+        (changed(r'upper="2.4"', 'upper="0.1"', 0), "left knee", "must bend by 0.2 rad.*-0.05 to 0.1"),
         (changed("0 0 -0.4", "0 0 0.4", 0), "height of the CoM", "must point up"),
         (changed(POINT, SPHERE, 0), "left foot", "must be flat.*on a point"),
         (changed(r"<(visual|collision)>.*?</\1>", "", 0), "left foot", "must have a shape"),
         (changed(r'<box size="0.2 0.1 0.03"/>', '<mesh filename="package://mine/foot.stl"/>', 0), "urdf",
-         "package://mine/foot.stl; --packages names the folder"),
+         "package://mine/foot.stl; --packages names the folder that has mine in it"),
         (without_ankles(), "left leg", "must have at least 6"),
-        (quadruped(), "urdf", "must have two"),
+        (quadruped(), "urdf: lowest ends", "must be two.*with z up"),
+        (changed('"revolute"', '"hinge"'), "urdf.joint.left_hip_yaw.type", "must be one of revolute"),
+        (floating(BIPED), "urdf.joint.free.type", "take out world and this joint"),
+        (changed('lower="-0.05" upper="2.4"', 'lower="2.4" upper="-0.05"'), "urdf.joint.left_knee.limit.lower", "swap"),
+        (changed(r'<axis xyz="0 0 1"', '<axis xyz="0 0 0"'), "urdf.joint.left_hip_yaw.axis.xyz", "a direction"),
+        (changed(r'<box size="0.2 0.1 0.03"', '<box size="0.2 0.1"'),
+         "urdf.link.left_ankle_roll_link.visual.geometry.box.size", "must be 3 numbers"),
+        (changed(r'<geometry><box size="0.2 0.1 0.03"/></geometry>', "<geometry/>"),
+         "urdf.link.left_ankle_roll_link.visual", "must have a <geometry>"),
+        (in_millimetres(BIPED), "left foot", "200 m long.*a URDF is in metres"),
+        (changed(r'<box size="0.2 0.1 0.03"/>', '<mesh filename="$(find mine)/foot.stl"/>'), "urdf", "expanded"),
     ],
 )  # fmt: skip
 def test_a_urdf_that_cannot_walk_is_refused_with_what_to_do(urdf, field, said, tmp_path):
@@ -81,6 +112,52 @@ def test_a_urdf_that_cannot_walk_is_refused_with_what_to_do(urdf, field, said, t
         measure(file, tmp_path)
     assert refusal.value.field == field
     assert "\n" not in str(refusal.value) and len(str(refusal.value)) < 250
+
+
+LEFT, RIGHT = "left_ankle_roll_link", "right_ankle_roll_link"
+
+
+@pytest.mark.parametrize(
+    ("feet", "torso", "field", "said"),
+    [
+        ((RIGHT, LEFT), "", "left_foot", "its name says right: swap --left-foot and --right-foot"),
+        ((LEFT, LEFT), "", "right_foot", "must have a leg of its own"),
+        ((LEFT, "left_ankle_pitch_link"), "", "right_foot", "must have a leg of its own"),
+        (("left_knee_link", "right_knee_link"), "", "left leg", "must have at least 6"),
+        (("trunk", RIGHT), "", "left_foot", "it is part of the base"),
+        ((LEFT, "nothing"), "", "right_foot", "must be a link of the URDF"),
+        ((LEFT, RIGHT), "nothing", "torso", "must be a link of the URDF"),
+        ((LEFT, RIGHT), "right_knee_link", "torso", "it hangs on the right one"),
+    ],
+)
+def test_feet_and_torso_that_cannot_be_those_are_refused(feet, torso, field, said, tmp_path):
+    (tmp_path / "mine.urdf").write_text(BIPED, encoding="utf-8")
+    with pytest.raises(InvalidValueError, match=said) as refusal:
+        measure(tmp_path / "mine.urdf", tmp_path, feet, torso)
+    assert refusal.value.field == field and "\n" not in str(refusal.value)
+
+
+def test_feet_that_are_named_the_wrong_way_round_are_known_by_their_toes(tmp_path):
+    text = renamed(BIPED)
+    ends = sorted(set(re.findall(r'child link="(\w+)"', text)) - set(re.findall(r'parent link="(\w+)"', text)))
+    (tmp_path / "mine.urdf").write_text(text, encoding="utf-8")
+    refused = []
+    for feet in (ends, ends[::-1]):
+        try:
+            measure(tmp_path / "mine.urdf", tmp_path, feet)
+        except InvalidValueError as refusal:
+            assert "0.120 behind, 0.080 ahead" in str(refusal)
+            assert "name the feet the other way round" in str(refusal)
+            refused.append(feet)
+    assert len(refused) == 1
+
+
+def test_legs_begin_where_they_part(tmp_path):
+    waist = '<joint name="waist" type="revolute"><parent link="chest"/><child link="trunk"/><origin xyz="0 0 0"/>'
+    waist += '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="90" velocity="9"/></joint>'
+    text = BIPED.replace("</robot>", link("chest", 9.0, (0.1, 0.2, 0.2), z=0.6) + waist + "</robot>")
+    measured, _ = imported(text, tmp_path)
+    assert [measured.model.names[leg.joints[0]] for leg in measured.legs] == ["left_hip_yaw", "right_hip_yaw"]
 
 
 def imported(urdf, tmp_path):
@@ -93,6 +170,23 @@ def imported(urdf, tmp_path):
 def test_joints_without_torque_are_told_in_one_line(tmp_path):
     told = list(findings(*imported(changed(r'effort="[^"]*"', 'effort="0"', 0), tmp_path)))
     assert len(told) == 1 and told[0].startswith("no torque: left_hip_yaw, left_hip_roll")
+
+
+@pytest.mark.parametrize(
+    ("urdf", "said"),
+    [
+        (changed(r'<mass value="5.0"', '<mass value="0"', 0), ["no mass.*left_hip_pitch, right_hip_pitch; give it"]),
+        (changed(r'(<mass value="5.0"/>\s*<inertia) ixx="[^"]*"', r'\1 ixx="0"', 0),
+         [r"not positive.*left_hip_pitch \(0 kg m\^2\), right_hip_pitch.*contact physics refuses"]),
+        (changed(r'(<mass value="5.0"/>\s*<inertia) ixx="[^"]*"', r'\1 ixx="9"'),
+         ["no body has.*: left_hip_pitch; contact", "no mirror images: left_hip_pitch and right_hip_pitch; one may"]),
+        (changed(r'lower="-2.0" upper="1.0"', 'lower="-120" upper="60"', 0), ["left_hip_pitch, right_hip.*in radians"]),
+    ],
+)  # fmt: skip
+def test_oddities_of_one_kind_are_told_in_one_line_with_what_to_do(urdf, said, tmp_path):
+    told = list(findings(*imported(urdf, tmp_path)))
+    assert len(told) == len(said), told
+    assert all(re.search(words, line) for words, line in zip(said, told, strict=True)), told
 
 
 def test_joints_that_mimic_others_are_held_fast_outside_of_the_legs_and_told_within(tmp_path):
@@ -111,10 +205,6 @@ def test_joints_that_mimic_others_are_held_fast_outside_of_the_legs_and_told_wit
 
 
 def test_names_of_links_and_joints_mean_nothing_to_an_import(tmp_path):
-    names = re.findall(r'<(?:link|joint) name="([^"]*)"', BIPED)
-    renamed = BIPED
-    for number, name in enumerate(names):
-        renamed = renamed.replace(f'"{name}"', f'"part{number}"')
-    robots = [imported(text, tmp_path)[1] for text in (BIPED, renamed)]
+    robots = [imported(text, tmp_path)[1] for text in (BIPED, renamed(BIPED))]
     assert np.array_equal(robots[0].sole, robots[1].sole)
     assert robots[0].com_height == robots[1].com_height and robots[0].stance_width == robots[1].stance_width

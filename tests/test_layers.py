@@ -27,7 +27,7 @@ CORE = """
     methods.situation methods.trajectory methods.method methods.sugihara methods.morisawa methods.dcm_tracker
     methods.planning
     pushes model methods planner snapshot coupling state simulation
-    scenario.expectations scenario.events scenario.scenario scenario.lesson
+    scenario.expectations scenario.events scenario.scenario scenario.scaling scenario.lesson
     analysis.columns analysis.margins analysis.steady_walking analysis.push_recovery analysis.twin
     analysis.metrics analysis.push_bound analysis.survival analysis.push_rose
     analysis.sweep analysis.cell_outcome

@@ -398,6 +398,24 @@ def test_preset_of_a_link_is_played_when_it_is_asked_for(visit, api, server):
     assert live(api)["last_push"]["impulse"] == pytest.approx([20.0, 0.0], abs=0.1)
 
 
+@pytest.mark.exhaustive
+def test_preset_asks_other_robots_for_their_fastest_and_no_more(visit, api):
+    limits = {robot["name"]: robot["limits"] for robot in api.get("robots").json()}
+    scaled = visit().evaluate(
+        """async (limits) => {
+          const { scaled } = await import("/static/presets.js");
+          const fastest = (side) => ({ vx: limits.talos.vx[side], vy: limits.talos.vy[side] });
+          const asked = (to, side) => scaled({ reference: fastest(side) }, limits.talos, to).reference;
+          return Object.entries(limits).map(([name, to]) => [name, asked(to, 0), asked(to, 1)]);
+        }""",
+        limits,
+    )
+    assert len(scaled) == len(limits)
+    for name, *both in scaled:
+        for side, asked in enumerate(both):
+            assert asked == {key: limits[name][key][side] for key in ("vx", "vy")}, name
+
+
 def test_tour_is_offered_once_and_what_waits_for_time_says_so(visit, api):
     page = visit()
     page.get_by_role("button", name="Show me").click()

@@ -9,7 +9,7 @@ import tyro
 
 from app.settings import usable_cores
 from walkcore import Robot, load_robot, robot_names
-from walkcore.errors import InvalidValueError
+from walkcore.errors import InvalidValueError, InverseKinematicsError
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +76,14 @@ class ImportCommand:
         robot = robot_from_mapping(values, self.out)
         progress("inertias, mirror images and torques")
         told = list(findings(measured, robot))
-        self._write(values)
+        found = _limit_foot_speeds(values, robot)
+        robot = self._write(values, found)
         for finding in told:
             print(f"note: {finding}", file=sys.stderr)
         if self.footholds:
-            robot = self._with_footholds(values)
-            robot = self._with_speed_limits(values, robot)
-        robot = self._with_swing_moments(values, robot)
+            robot = self._with_footholds(values, found)
+            robot = self._with_speed_limits(values, robot, found)
+        robot = self._with_swing_moments(values, robot, found)
         if self.picture:
             from app.robot_picture import draw_robot
 
@@ -94,17 +95,18 @@ class ImportCommand:
         )
         print(f"see it walk: ROBOT={self.out} make run; find where it can step: walk footholds {self.out}")
 
-    def _write(self, values: dict[str, Any], *studied: str) -> Robot:
-        """The robot of these values, which go into the file; those of some keys were found by simulation."""
+    def _write(self, values: dict[str, Any], found: dict[str, str]) -> Robot:
+        """The robot of these values, which go into the file, with where those that were found come from."""
         from app.robot_files import robot_text
 
-        self.out.write_text(robot_text(values, self.urdf.name, studied), encoding="utf-8")
+        self.out.write_text(robot_text(values, self.urdf.name, found), encoding="utf-8")
         return load_robot(self.out)
 
-    def _with_footholds(self, values: dict[str, Any]) -> Robot:
+    def _with_footholds(self, values: dict[str, Any], told: dict[str, str]) -> Robot:
         """The robot with the regions that a study of its file finds."""
         from app.footholds.foothold_files import write
         from app.footholds.foothold_study import study
+        from app.robot_files import STUDIED
 
         progress("footholds")
         found = study(load_robot(self.out), None, self.samples, 0, usable_cores())
@@ -113,10 +115,12 @@ class ImportCommand:
             {"yaw": [region.lowest_yaw, region.highest_yaw], "region": region.vertices.tolist()}
             for region in found.regions
         ]
-        return self._write(values, "foothold_regions")
+        told["foothold_regions"] = STUDIED["foothold_regions"]
+        return self._write(values, told)
 
-    def _with_speed_limits(self, values: dict[str, Any], robot: Robot) -> Robot:
+    def _with_speed_limits(self, values: dict[str, Any], robot: Robot, found: dict[str, str]) -> Robot:
         """The robot with the fastest references that its joints keep."""
+        from app.robot_files import STUDIED
         from walkcore.robot_import.speed_limits import fastest_references
 
         progress("fastest references")
@@ -129,9 +133,10 @@ class ImportCommand:
                 print(f"note: {told}; try another com_height, swing_height or step_duration", file=sys.stderr)
             else:
                 values["max_reference"][name] = [low, high]
-        return self._write(values, "foothold_regions", "max_reference")
+        found["max_reference"] = STUDIED["max_reference"]
+        return self._write(values, found)
 
-    def _with_swing_moments(self, values: dict[str, Any], robot: Robot) -> Robot:
+    def _with_swing_moments(self, values: dict[str, Any], robot: Robot, found: dict[str, str]) -> Robot:
         """The robot with the moments of its swinging leg, where it walks long enough to fit them."""
         from walkcore.robot_import.swing_fit import fit_swing_moments
 
@@ -142,7 +147,35 @@ class ImportCommand:
             print(f"note: {error}", file=sys.stderr)
             return robot
         values["swing_moments"] = {key: round(getattr(moments, key), 4) for key in ("foot", "knee", "com")}
-        return self._write(values, *(("foothold_regions", "max_reference") if self.footholds else ()))
+        return self._write(values, found)
+
+
+def _limit_foot_speeds(values: dict[str, Any], robot: Robot) -> dict[str, str]:
+    """Lower the guessed speeds of the feet to what the joints of the legs allow; where those in the file come from."""
+    from app.robot_files import FOOT_SPEED
+    from walkcore.robot_import.speed_limits import USED, foot_speeds
+
+    try:
+        allowed = foot_speeds(robot)
+    except InverseKinematicsError as error:
+        print(f"note: speeds of the feet are guesses: a stride is too long for the legs, {error}", file=sys.stderr)
+        return {}
+    if allowed is None:
+        return {}
+    guessed = values["max_foot_speed"]
+    values["max_foot_speed"] = [
+        max(0.01, round(min(speed, USED * most), 2))
+        for speed, most in zip(guessed, (allowed.forward, allowed.sideways), strict=True)
+    ]
+    values["max_foot_yaw_rate"] = max(0.01, round(min(values["max_foot_yaw_rate"], USED * allowed.yaw_rate), 2))
+    by_joints = (
+        f"joints allow {allowed.forward:.2f} and {allowed.sideways:.2f}, {allowed.joint} is the first at its limit"
+    )
+    is_lower = values["max_foot_speed"] != guessed
+    origin = (
+        f"{USED:g} of what the leg {by_joints}" if is_lower else f"a guess from the robot's size; the leg {by_joints}"
+    )
+    return {"max_foot_speed": FOOT_SPEED + origin}
 
 
 FIT_PERIOD = 0.02  # [s] of a tick: the moments differ by 2 to 10 % from those at 5 ms, and take a fourth of the time

@@ -17,10 +17,11 @@ from app.runs.run import RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
 from app.settings import usable_cores
 from app.tables import text_table
-from walkcore import WalkError, load_scenario, scenario_names
+from walkcore import WalkError, load_robot, load_scenario, scenario_names
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.parameters import PLANTS
 from walkcore.scenario.expectations import Verdict
+from walkcore.scenario.scaling import scaled
 from walkcore.scenario.scenario import Scenario
 
 Ending = Literal[tuple(FORMATS)]
@@ -45,6 +46,8 @@ class RunCommand:
     """Folder for run.json and the recording; of several scenarios each gets a folder of its own in there."""
     formats: Annotated[tuple[Ending, ...], tyro.conf.arg(name="format")] = ("npz", "csv")  # pyright: ignore[reportInvalidTypeForm]  # the registry's names
     """Files of the recording: NumPy, CSV, Parquet, MCAP (Foxglove), a 3-D replay in a page."""
+    robot: str = ""
+    """Robot that walks instead of each scenario's: speeds, times and pushes are scaled to it, within its limits."""
     plant: Plant | None = None  # pyright: ignore[reportInvalidTypeForm]  # the core's names
     """Body that moves, instead of the scenario's: the ideal model, or contact physics in MuJoCo."""
     twin: bool = False
@@ -84,7 +87,10 @@ class RunCommand:
         return code
 
     def _placed(self, scenario: Scenario) -> Scenario:
-        """The scenario on the plant that is asked for."""
+        """The scenario for the robot and on the plant that are asked for."""
+        if self.robot:
+            scenario = scaled(scenario, load_robot(self.robot))
+            print(f"{scenario.name}: {scenario.description}")
         if self.plant is None and not self.twin:
             return scenario
         return scenario.on_plant(self.plant or scenario.parameters.plant, self.twin)

@@ -22,6 +22,7 @@ HALF_SITTING = "half_sitting"
 """Usual name of the posture with bent knees in an SRDF."""
 MOST_TILT = 0.02  # [rad] of a foot in a posture to walk from
 LEAST_BEND = 0.2  # [rad] of its knees: straight ones leave no height for a step
+FIRST_JOINT = 2  # in Pinocchio's model, after the universe and the floating base
 PARALLEL = 0.98  # cosine of the angle between two axes that count as parallel
 
 
@@ -56,15 +57,13 @@ def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
     """
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    ends = [_joint_of(model, name) for name in feet] if feet else _lowest_ends(model, data)
+    ends = _named_ends(model, feet) if feet else _lowest_ends(model, data)
     if len(ends) != 2:
-        names = ", ".join(model.names[end] for end in ends)
-        limit = (
-            "must have two: only bipeds walk here; where arms hang as low as feet, name --left-foot and --right-foot"
-        )
-        raise InvalidValueError("urdf", f"{len(ends)} legs ({names})", limit)
+        found, more = ", ".join(model.names[end] for end in ends[:4]), ", ..." if len(ends) > 4 else ""
+        limit = "must be two: only bipeds walk here, with z up; where arms hang as low, name --left-foot, --right-foot"
+        raise InvalidValueError("urdf: lowest ends", f"{len(ends)} ({found}{more})", limit)
     left, right = ends if feet else sorted(ends, key=lambda end: _is_right(model, data, end))
-    legs = Leg(Side.LEFT, _chain(model, left)), Leg(Side.RIGHT, _chain(model, right))
+    legs = Leg(Side.LEFT, _chain(model, left, right)), Leg(Side.RIGHT, _chain(model, right, left))
     for leg in legs:
         if len(leg.joints) < NB_JOINTS:
             joints = f"{len(leg.joints)} joints ({', '.join(model.names[joint] for joint in leg.joints)})"
@@ -79,10 +78,15 @@ def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
 
 def _is_right(model: pin.Model, data: pin.Data, end: int) -> tuple[bool, float]:
     """Orders the ends of the legs: by their names where these tell the side, else by y."""
-    name = model.names[end].lower()
+    return _side_in(model.names[end]) is Side.RIGHT, -float(data.oMi[end].translation[1])
+
+
+def _side_in(name: str) -> Side | None:
+    """The side that a name tells; None if neither, or both."""
+    name = name.lower()
     is_right = "right" in name or name.startswith(("r_", "rleg")) or "_r_" in name
     is_left = "left" in name or name.startswith(("l_", "lleg")) or "_l_" in name
-    return (is_right and not is_left, -float(data.oMi[end].translation[1]))
+    return None if is_left is is_right else Side.RIGHT if is_right else Side.LEFT
 
 
 def facing(model: pin.Model, legs: tuple[Leg, Leg]) -> float:
@@ -104,24 +108,38 @@ def facing(model: pin.Model, legs: tuple[Leg, Leg]) -> float:
     return float(np.round(np.arctan2(-x, y) / (np.pi / 2)) * np.pi / 2)
 
 
-def _joint_of(model: pin.Model, link: str) -> int:
-    if not model.existFrame(link):
-        raise InvalidValueError("foot", link, "must be a link of the URDF")
-    return model.frames[model.getFrameId(link)].parentJoint
+def _named_ends(model: pin.Model, feet: Sequence[str]) -> list[int]:
+    """Joints that move the links which are named as left and right foot."""
+    for side, name in zip(Side, feet, strict=True):
+        field = f"{side.name.lower()}_foot"
+        if not model.existFrame(name):
+            raise InvalidValueError(field, name, "must be a link of the URDF")
+        if model.frames[model.getFrameId(name)].parentJoint < FIRST_JOINT:
+            raise InvalidValueError(field, name, "must be moved by the joints of a leg: it is part of the base")
+    ends = [model.frames[model.getFrameId(name)].parentJoint for name in feet]
+    supports = [set(model.supports[end]) for end in ends]
+    if supports[0] <= supports[1] or supports[1] <= supports[0]:
+        limit = f"must have a leg of its own: joints that move it move the other foot, {feet[0]}, too"
+        raise InvalidValueError("right_foot", feet[1], f"{limit}; name the last link of each leg")
+    for side, name in zip(Side, feet, strict=True):
+        if _side_in(name) is side.other:
+            limit = f"must be on the robot's {side.name.lower()}, and its name says {side.other.name.lower()}"
+            raise InvalidValueError(f"{side.name.lower()}_foot", name, f"{limit}: swap --left-foot and --right-foot")
+    return ends
 
 
 def _lowest_ends(model: pin.Model, data: pin.Data) -> list[int]:
-    ends = [joint for joint in range(2, model.njoints) if not len(model.children[joint])]
+    ends = [joint for joint in range(FIRST_JOINT, model.njoints) if not len(model.children[joint])]
     if not ends:
         raise InvalidValueError("urdf", "no joint", "must have legs with joints that move")
     lowest = min(data.oMi[end].translation[2] for end in ends)
     return [end for end in ends if data.oMi[end].translation[2] < lowest + SAME_HEIGHT]
 
 
-def _chain(model: pin.Model, end: int) -> tuple[int, ...]:
+def _chain(model: pin.Model, end: int, other: int) -> tuple[int, ...]:
     """The joints that move this end and not the other: from the last branch of the tree on."""
-    root_and_universe = 2
-    return tuple(list(model.supports[end])[root_and_universe:])
+    shared = set(model.supports[other])
+    return tuple(joint for joint in model.supports[end] if joint not in shared)
 
 
 def bent_posture(model: pin.Model, legs: tuple[Leg, Leg]) -> Vector:
@@ -193,9 +211,7 @@ def _with_bent_leg(model: pin.Model, leg: Leg, straight: Vector) -> Vector:
     low, high = model.lowerPositionLimit[knee], model.upperPositionLimit[knee]
     q[knee] = np.clip(KNEE_BEND if high > -low else -KNEE_BEND, low, high)
     if abs(q[knee]) < LEAST_BEND:
-        limit = (
-            f"must bend by {LEAST_BEND} rad at least, for a leg that can be shortened: its limits are {low:g}, {high:g}"
-        )
+        limit = f"must bend by {LEAST_BEND} rad at least, to shorten the leg: its <limit> is {low:g} to {high:g}"
         raise InvalidValueError(f"{leg.side.name.lower()} knee", model.names[leg.knee], limit)
     level = np.array(data.oMi[leg.foot].rotation)
 

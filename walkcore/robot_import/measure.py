@@ -19,7 +19,7 @@ import pinocchio as pin
 from walkcore.errors import InvalidValueError
 from walkcore.robot_file import load_robot
 from walkcore.robot_import.legs import HALF_SITTING, Leg, bent_posture, find_legs, named_posture
-from walkcore.robot_import.soles import Sole, common_outline, foot_geometry, sole_of
+from walkcore.robot_import.soles import Sole, check_toes, common_outline, foot_geometry, sole_of
 from walkcore.robot_import.urdf_checks import check_urdf
 from walkcore.values import Matrix, Vector
 
@@ -107,8 +107,7 @@ def measure(
     q = bent_posture(model, legs) if srdf is None else named_posture(model, legs, srdf, posture)
     shapes = foot_geometry(model, urdf, packages, legs)
     left, right = (sole_of(model, shapes, leg, q) for leg in legs)
-    if torso and not model.existFrame(torso):
-        raise InvalidValueError("torso", torso, "must be a link of the URDF")
+    check_toes(left, right)
     measured = MeasuredRobot(
         urdf=urdf,
         packages=packages,
@@ -117,7 +116,7 @@ def measure(
         q=q,
         soles=(left, right),
         outline=common_outline(left, right),
-        torso=torso or _torso(model, legs),
+        torso=_checked_torso(model, legs, torso) if torso else _torso(model, legs),
         fixed_joints=_joints_to_hold(model, legs, urdf),
         srdf=srdf,
         posture="" if srdf is None else posture,
@@ -127,6 +126,18 @@ def measure(
         limit = "must be above the soles [m]: the z axis of the robot's base must point up"
         raise InvalidValueError("height of the CoM", round(above, 3), limit)
     return measured
+
+
+def _checked_torso(model: pin.Model, legs: tuple[Leg, Leg], torso: str) -> str:
+    """The link that is named, if it is one that no leg moves."""
+    if not model.existFrame(torso):
+        raise InvalidValueError("torso", torso, "must be a link of the URDF")
+    joint = model.frames[model.getFrameId(torso)].parentJoint
+    for leg in legs:
+        if set(leg.joints) & set(model.supports[joint]):
+            limit = f"must be a link that no leg moves: it hangs on the {leg.side.name.lower()} one"
+            raise InvalidValueError("torso", torso, limit)
+    return torso
 
 
 def _torso(model: pin.Model, legs: tuple[Leg, Leg]) -> str:

@@ -21,6 +21,8 @@ from walkcore.values import Matrix, Vector
 FLAT = 0.004  # [m] above the lowest point of a foot that still belongs to its sole
 ROUNDING = 0.005  # [m] by which an outline with fewer corners may differ
 LEAST_LENGTH, LEAST_WIDTH = 0.04, 0.02  # [m] of a sole: a smaller one is a point
+MOST_LENGTH = 1.0  # [m]: a longer one is in other units
+LEAST_AHEAD = 0.05  # of its length, of the middle of a sole from the ankle: less tells no direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,16 +55,38 @@ def sole_of(model: pin.Model, geometry: pin.GeometryModel, leg: Leg, q: Vector) 
     shapes = [shape for shape in geometry.geometryObjects if shape.parentJoint == leg.foot]
     name = f"{leg.side.name.lower()} foot"
     if not shapes:
-        raise InvalidValueError(name, model.names[leg.foot], "must have a shape that moves with its last joint")
+        limit = "must have a shape that moves with its last joint: give its link a <collision> in the URDF"
+        raise InvalidValueError(name, model.names[leg.foot], limit)
     points = np.vstack([shape_points(shape) for shape in shapes]) @ R
     lowest = float(points[:, 2].min())
     outline = _hull(points[points[:, 2] < lowest + FLAT, :2])
     length, width = (0.0, 0.0) if outline is None else np.ptp(outline, axis=0)
+    if max(length, width) > MOST_LENGTH:
+        limit = f'must be at most {MOST_LENGTH} m: a URDF is in metres, a mesh in mm needs scale="0.001 0.001 0.001"'
+        raise InvalidValueError(name, f"{length:.3g} m long and {width:.3g} m wide", limit)
     if outline is None or length < LEAST_LENGTH or width < LEAST_WIDTH:
         raise InvalidValueError(name, f"{length:.3f} m long and {width:.3f} m wide where it is lowest",
                                 f"must be flat over at least {LEAST_LENGTH} by {LEAST_WIDTH} m: "
                                 "on a point there is no CoP to choose")  # fmt: skip
     return Sole(R, lowest, outline)
+
+
+def check_toes(left: Sole, right: Sole) -> None:
+    """Refuse soles that reach farther behind the ankles than before them: then left and right are swapped.
+
+    Args:
+        left: as the robot faces with that foot to its left.
+        right: the other one.
+
+    Raises:
+        InvalidValueError: if both do, beyond what a symmetric foot may.
+    """
+    lows, highs = np.transpose([(np.min(sole.outline[:, 0]), np.max(sole.outline[:, 0])) for sole in (left, right)])
+    if np.all(highs + lows < -2.0 * LEAST_AHEAD * (highs - lows)):
+        limit = (
+            "must reach farther ahead than behind [m]: left and right are swapped; name the feet the other way round"
+        )
+        raise InvalidValueError("soles, from the ankles", f"{-lows[0]:.3f} behind, {highs[0]:.3f} ahead", limit)
 
 
 def common_outline(left: Sole, right: Sole) -> Matrix:
@@ -94,11 +118,19 @@ def foot_geometry(model: pin.Model, urdf: Path, packages: Path, legs: Iterable[L
     except (ValueError, RuntimeError) as error:
         missing = re.search(r"Could not load resource (\S+)|(package://\S+|\S+) could not be found", str(error))
         what = next(filter(None, missing.groups())) if missing else " ".join(str(error).split())
-        limit = f"a mesh cannot be read: {what}; --packages names the folder where package:// addresses start"
-        raise InvalidValueError("urdf", urdf.name, limit) from error
+        raise InvalidValueError("urdf", urdf.name, f"a mesh cannot be read: {what}; {_remedy(what)}") from error
     collision, visual = shapes
     moved = {shape.parentJoint for shape in collision.geometryObjects}
     return collision if all(leg.foot in moved for leg in legs) else visual
+
+
+def _remedy(address: str) -> str:
+    """What to do about the address of a mesh that cannot be read."""
+    scheme, mark, path = address.partition("://")
+    package, _, _ = path.partition("/")
+    if mark and scheme in ("package", "model") and package:
+        return f"--packages names the folder that has {package} in it"
+    return "put the file there, or name it right in the URDF"
 
 
 def shape_points(shape: pin.GeometryObject) -> Matrix:

@@ -1,0 +1,125 @@
+"""A scenario that was written for one robot, in the proportions of another one.
+
+    v' = v sqrt(h' / h)              speeds, with h the height of the CoM: the same Froude number v^2 / (g h)
+    t' = t T' / T                    times, with T the duration of a step: what came at a step comes at that step
+    w' = w T / T'                    yaw rates: the same turn in a step
+    p' = p m' / m sqrt(h' / h)       impulses: the same change of the Froude number
+
+A reference beyond the limits of the other robot becomes slower as a whole: its direction and its curvature stay.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from walkcore.errors import InvalidValueError
+from walkcore.robot import Robot
+from walkcore.scenario.scenario import Scenario, scenario_from_mapping
+
+DIGITS = 4
+PROMISES: Mapping[str, float | bool] = {
+    "not_fallen": True,
+    "min_cop_margin": 0.0,
+    "max_com_error": 1e-3,
+    "max_sole_error": 1e-3,
+    "max_speed_use": 1.0,
+}
+"""Expectations that any robot with a body keeps on a walk within its limits, in the ideal model."""
+OF_THE_BODY = ("max_com_error", "max_sole_error", "max_speed_use")
+COUNTS = ("ticks_relaxed", "recovery_steps", "pushes_unrecovered")
+"""Metrics without a unit, whose bounds hold for a robot of any size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Factors from one robot to another."""
+
+    speed: float
+    time: float
+    impulse: float
+
+
+def scaled(scenario: Scenario, robot: Robot) -> Scenario:
+    """The scenario for another robot; itself for its own one.
+
+    Its expectations that are lengths, speeds or times of the first robot give way to the promises of any robot.
+
+    Args:
+        scenario: as it was written.
+        robot: that walks it.
+
+    Raises:
+        InvalidValueError: for what belongs to the first robot alone: its state, its links, or parameters that do not
+            suit the other one.
+    """
+    if robot.source == scenario.robot.source:
+        return scenario
+    source = scenario.source
+    if source.get("initial_state") is not None:
+        raise InvalidValueError("initial_state", scenario.robot.name, f"is no state of {robot.name}: leave it out")
+    scale = _scale(scenario, robot)
+    events = [_event(f"events[{i}]", event, scale, robot) for i, event in enumerate(source.get("events") or [])]
+    slowest = min((share for _, share in events), default=1.0)
+    told = f"Scaled to {robot.title}: speeds by {scale.speed:.2f} (Froude number), durations by {scale.time:.2f}"
+    told += "." if slowest == 1.0 else f"; its max_reference takes references down to {slowest:.2f} of that."
+    return scenario_from_mapping(
+        dict(source)
+        | {
+            "name": f"{scenario.name}-{robot.name}",
+            "description": f"{scenario.description} {told}".strip(),
+            "robot": robot.source,
+            "duration": round(scenario.duration * scale.time, DIGITS),
+            "events": [event for event, _ in events],
+            "expect": _expectations(scenario, robot),
+        }
+    )
+
+
+def _scale(scenario: Scenario, robot: Robot) -> Scale:
+    before, p = scenario.robot, robot.parameters.changed(scenario.source.get("parameters") or {})
+    speed = math.sqrt(robot.com_height / before.com_height)
+    time = p.step_duration / scenario.parameters.step_duration
+    return Scale(speed, time, robot.mass / before.mass * speed)
+
+
+def _event(where: str, event: Mapping[str, Any], scale: Scale, robot: Robot) -> tuple[dict[str, Any], float]:
+    """The event for the robot, and the share of its scaled reference that is within the robot's limits."""
+    changed, share = dict(event), 1.0
+    for key in ("t", "over"):
+        if key in event:
+            changed[key] = round(event[key] * scale.time, DIGITS)
+    if "reference" in event:
+        changed["reference"], share = _reference(event["reference"], scale, robot)
+    if "push" in event:
+        changed["push"] = _push(where, event["push"], scale, robot)
+    return changed, share
+
+
+def _reference(reference: Mapping[str, float], scale: Scale, robot: Robot) -> tuple[dict[str, float], float]:
+    factors = {"vx": scale.speed, "vy": scale.speed, "yaw_rate": 1.0 / scale.time}
+    wanted = {key: value * factors[key] for key, value in reference.items()}
+    limits = {key: robot.max_reference[key][value > 0.0] for key, value in wanted.items()}
+    share = min((limits[key] / value for key, value in wanted.items() if abs(value) > abs(limits[key])), default=1.0)
+    kept = {key: round(share * value, DIGITS) for key, value in wanted.items()}
+    return {key: math.copysign(min(abs(value), abs(limits[key])), value) for key, value in kept.items()}, share
+
+
+def _push(where: str, push: Mapping[str, Any], scale: Scale, robot: Robot) -> dict[str, Any]:
+    if push.get("link"):
+        limit = f"is a link of the robot that the scenario was written for, not of {robot.name}: leave it out"
+        raise InvalidValueError(f"{where}.push.link", push["link"], limit)
+    strength = scale.impulse * math.hypot(*push["impulse"])
+    factor = scale.impulse * (min(1.0, robot.max_push / strength) if strength > 0.0 else 1.0)
+    impulse = [math.trunc(factor * part * 1e4) / 1e4 for part in push["impulse"]]  # rounded up it might be too strong
+    duration = {"duration": push["duration"] * scale.time} if "duration" in push else {}
+    return dict(push) | {"impulse": impulse} | duration
+
+
+def _expectations(scenario: Scenario, robot: Robot) -> dict[str, float | bool]:
+    """What the walk of the other robot has to keep; of a walk that is to fall, only that."""
+    expected: Mapping[str, float | bool] = scenario.source.get("expect") or {}
+    if expected.get("not_fallen") is False:
+        return {"not_fallen": False}
+    promises = {key: bound for key, bound in PROMISES.items() if robot.body is not None or key not in OF_THE_BODY}
+    return promises | {key: bound for key, bound in expected.items() if key[4:] in COUNTS}
