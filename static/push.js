@@ -1,5 +1,7 @@
 // Pushes: the dial that aims one, the report of the last one, and random pushes.
 
+import { onTap } from "./joystick.js";
+
 const KEY_STEP = 15; // degrees
 const DIRECTIONS = ["forward", "forward left", "left", "back left", "back", "back right", "right", "forward right"];
 const HINT = "Aim the ring, then push";
@@ -25,7 +27,7 @@ export class PushDial {
     });
     this.ring.addEventListener("keydown", (event) => this.turn(event));
     this.strength.addEventListener("input", () => this.show());
-    document.getElementById("push").addEventListener("click", () => this.push());
+    onTap(document.getElementById("push"), () => this.push());
     this.show();
   }
 

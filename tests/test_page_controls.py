@@ -309,6 +309,17 @@ def test_samples_speed_and_both_times(visit, api):
     wait_for(lambda: live(api)["speed"] == 1.0)
 
 
+def test_a_second_finger_pushes_while_the_first_one_holds_the_stick(visit, api):
+    page = visit(**PHONE)
+    finger, (x, y) = Finger(page), centre(page.get_by_test_id("joystick"))
+    finger.drag((x, y), (x, y - 50))
+    wait_for(lambda: live(api)["reference_vx"] > 0.0)
+    finger.tap_beside((x, y - 50), centre(page.get_by_test_id("push")))
+    wait_for(lambda: live(api)["last_push"] is not None)
+    assert page.get_by_test_id("joystick").evaluate("(stick) => stick.classList.contains('held')")
+    finger.lift()
+
+
 def test_page_tells_what_became_of_the_last_push(visit, api):
     page = visit()
     page.get_by_test_id("push").click()
