@@ -3,6 +3,8 @@
 import io
 import json
 import math
+import socket
+import struct
 from collections.abc import Iterator
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -336,6 +338,17 @@ def test_a_phone_drives_the_next_one_waits_and_nobody_stays_when_the_screen_goes
         a.send(json.dumps({"again": True}))
         told(a, is_open=False, place=None)
         assert api.put("live/reference", json={}).status_code == 200
+
+
+def test_a_phone_whose_messages_wait_while_it_goes_leaves_no_trace_in_the_log(server, api):
+    with connect(server.socket_url("booth/screen")), phone(server, api, "gone") as gone:
+        told(gone, place=0)
+        for _ in range(200):  # which are read for some seconds more
+            gone.send(json.dumps({"forward": 0.5}))
+        gone.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        gone.socket.close()
+        wait_for(lambda: api.get("live").json()["driver_client"] == "" and not api.get("live/booth").json()["number"])
+    assert "Traceback" not in "".join(server.output)
 
 
 def test_without_the_key_of_today_nobody_drives(server):
