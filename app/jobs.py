@@ -130,7 +130,7 @@ class JobProcess:
 
 
 class JobRunner:
-    """Does one job after the other, each in a process that ends with it. Belongs to one thread at a time."""
+    """Does one job after the other in a process that is there while it is needed. Belongs to one thread at a time."""
 
     def __init__(self, niceness: int = 0) -> None:
         """Start no process yet.
@@ -144,7 +144,14 @@ class JobRunner:
         """Whether no job is done any more."""
 
     def run(self, job: Job[Result]) -> Future[Result]:
-        """Do a job and wait for its end.
+        """Do a job in a process that ends with it; otherwise as `run_and_keep`."""
+        try:
+            return self.run_and_keep(job)
+        finally:
+            self.end_process()
+
+    def run_and_keep(self, job: Job[Result]) -> Future[Result]:
+        """Do a job in a process that is kept for the next one, and wait for its end.
 
         Returns:
             Its future, as of `JobProcess.run`; failed with `ProcessDiedError` after `stop`, too.
@@ -155,20 +162,23 @@ class JobRunner:
         with self._guard:
             if self.is_stopping:
                 return JobOutcome(error=ProcessDiedError("no process is started any more")).future()
-            self._process = process = JobProcess(self._niceness)
-        try:
-            return process.run(job)
-        finally:
+            if self._process is None or not self._process.is_alive:
+                self._process = JobProcess(self._niceness)
+            process = self._process
+        return process.run(job)
+
+    def end_process(self) -> None:
+        """End the process, if there is one, and the job that it does."""
+        with self._guard:
+            process, self._process = self._process, None
+        if process is not None:
             process.kill()
-            self._process = None
 
     def stop(self) -> None:
         """End the job under way, if there is one, and do no other. Any thread may call it."""
         with self._guard:
             self.is_stopping = True
-            process = self._process
-        if process is not None:
-            process.kill()
+        self.end_process()
 
 
 class JobPool:

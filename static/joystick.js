@@ -2,6 +2,12 @@
 
 const DEAD_ZONE = 0.06; // of the travel
 
+/** Let a button act beside a stick that is held: of fingers at the same time only the first one's tap is a click. */
+export function onTap(button, act) {
+  button.addEventListener("click", act);
+  button.addEventListener("pointerdown", ({ isPrimary }) => isPrimary || button.disabled || act());
+}
+
 export class Joystick {
   /**
    * @param {HTMLElement} base with a `.knob` in it

@@ -19,6 +19,7 @@ const AXES = {
 const PRESSES = {
   KeyH: "zero",
   Space: "push",
+  KeyN: "rose",
   KeyP: "pause",
   KeyR: "standUp",
   KeyT: "timeline",

@@ -11,7 +11,7 @@ import { Keyboard } from "./keyboard.js";
 import { Lessons } from "./lessons.js";
 import { notify } from "./notices.js";
 import { PRESETS, Presets } from "./presets.js";
-import { PushDial, PushLimit, PushReport, RandomPushes } from "./push.js";
+import { PushDial, PushReport, PushRose, RandomPushes } from "./push.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 import { chooseQuality, chosenQuality } from "./render_quality.js";
 import { UnreachableError, request } from "./requests.js";
@@ -29,6 +29,7 @@ import { VIEWS, Views } from "./views.js";
 const element = (id) => document.getElementById(id);
 const status = new Status();
 let latest = {};
+const SWITCHED = 300; // ms after which a click in the panel has come to the server
 const DRIVES_NOW = "You drive the robot of now, so this is the present again.";
 
 /** Show an error: a refusal as a notice, a lost server in the strip. */
@@ -70,7 +71,7 @@ const dial = new PushDial({
     teleop.push(impulse);
   },
 });
-const pushLimit = new PushLimit(dial);
+const pushRose = new PushRose({ dial, client: teleop.client, request: requestAndShow });
 
 const timeline = new Timeline({
   client: teleop.client,
@@ -99,6 +100,7 @@ const views = new Views({
 const actions = {
   zero: () => teleop.zero(),
   push: () => dial.push(),
+  rose: () => pushRose.toggle(),
   pause: () => time.toggle(),
   standUp: () => status.hasFallen && time.reset(),
   view: () => views.next(),
@@ -132,6 +134,7 @@ const scene = new Scene({
     keyboard.attach(inner);
     views.attach(inner);
     uploads.attach(inner);
+    inner.addEventListener("click", () => setTimeout(() => pushRose.update(), SWITCHED)); // perhaps in the panel
   },
 });
 
@@ -196,7 +199,7 @@ new ReconnectingSocket("/api/v1/live/stream?rate=10", {
   onMessage: (live) => {
     latest = live;
     if (!timeline.past) showMoment(live, false);
-    for (const part of [driver, time, pushReport, pushLimit, randomPushes, presets, timeline, robotMenu]) part.show(live);
+    for (const part of [driver, time, pushReport, pushRose, randomPushes, presets, timeline, robotMenu]) part.show(live);
   },
   onLoss: () => {
     wasLost = true;

@@ -1,6 +1,6 @@
 // The phone of a visitor at the booth: stands in line, and drives while it is its turn.
 
-import { Joystick } from "./joystick.js";
+import { Joystick, onTap } from "./joystick.js";
 import { ReconnectingSocket } from "./reconnecting_socket.js";
 
 const PERIOD = 100; // ms between messages of a held stick; the server takes one for released after 400
@@ -35,7 +35,8 @@ const controls = [
 setInterval(() => isHeld && socket.send(axes), PERIOD);
 document.addEventListener("visibilitychange", () => document.hidden && controls.forEach((control) => control.release()));
 
-element("push").addEventListener("click", ({ currentTarget: button }) => {
+onTap(element("push"), () => {
+  const button = element("push");
   if (!socket.send({ push: (2 * Math.random() - 1) * Math.PI })) return;
   button.disabled = true;
   setTimeout(() => (button.disabled = false), PUSH_RESTS);

@@ -1,5 +1,7 @@
 // Pushes: the dial that aims one, the report of the last one, and random pushes.
 
+import { onTap } from "./joystick.js";
+
 const KEY_STEP = 15; // degrees
 const DIRECTIONS = ["forward", "forward left", "left", "back left", "back", "back right", "right", "forward right"];
 const HINT = "Aim the ring, then push";
@@ -25,7 +27,7 @@ export class PushDial {
     });
     this.ring.addEventListener("keydown", (event) => this.turn(event));
     this.strength.addEventListener("input", () => this.show());
-    document.getElementById("push").addEventListener("click", () => this.push());
+    onTap(document.getElementById("push"), () => this.push());
     this.show();
   }
 
@@ -109,16 +111,39 @@ export class PushReport {
   }
 }
 
-/** How hard a push in the direction of the ring would be survived now, where the rose of pushes is drawn. */
-export class PushLimit {
-  /** @param {PushDial} dial */
-  constructor(dial) {
-    this.dial = dial;
+/** The button that draws the rose of pushes in this browser, and in words how hard a push along the ring would be survived. */
+export class PushRose {
+  /** @param {{dial: PushDial, client: string, request: (method: string, path: string, body?: object) => Promise<any>}} options */
+  constructor({ dial, client, request }) {
+    Object.assign(this, { dial, request, path: `live/layers?client=${client}`, hadRose: null });
     this.caption = document.getElementById("push-limit");
+    this.button = document.getElementById("rose");
+    this.button.addEventListener("click", () => this.toggle());
+  }
+
+  get isOn() {
+    return this.button.ariaPressed === "true";
+  }
+
+  toggle() {
+    this.take(this.request("PATCH", this.path, { push_rose: !this.isOn }));
+  }
+
+  /** Ask whether this browser draws it: the panel and links switch it, too. */
+  update() {
+    this.take(this.request("GET", this.path));
+  }
+
+  async take(layers) {
+    const isOn = (await layers)?.push_rose;
+    if (isOn !== undefined) this.button.ariaPressed = String(isOn);
   }
 
   show({ push_rose: rose, status }) {
-    const words = rose && status !== 2 ? this.words(rose) : "";
+    const hasRose = Boolean(rose);
+    if (hasRose !== this.hadRose) this.update();
+    this.hadRose = hasRose;
+    const words = this.isOn && rose && status !== 2 ? this.words(rose) : "";
     if (this.caption.textContent !== words) this.caption.textContent = words;
     this.caption.dataset.outcome = words.startsWith("too hard") ? "bad" : "";
   }

@@ -51,7 +51,7 @@ export class Uploads {
   async take(files) {
     if (document.body.classList.contains("only-looks")) return;
     const { recording, run } = chosen(files);
-    if (!recording) return files.length && notify(`There is no recording here: choose ${WHAT}.`, { level: "bad" });
+    if (!recording) return notify(`There is no recording here: choose ${WHAT}.`, { level: "bad" });
     this.button.disabled = true; // while it takes its time
     try {
       const body = run ? await zip([recording, run]) : recording;
@@ -102,7 +102,13 @@ async function dropped({ items, files }) {
 }
 
 async function filesOf(folder) {
-  const entries = await new Promise((take, fail) => folder.createReader().readEntries(take, fail));
+  const reader = folder.createReader();
+  const entries = [];
+  let more;
+  do {
+    more = await new Promise((take, fail) => reader.readEntries(take, fail)); // a browser tells 100 of them at a time
+    entries.push(...more);
+  } while (more.length);
   const wanted = entries.filter(({ isFile, name }) => isFile && (name === RUN_JSON || KINDS.some((kind) => name.endsWith(kind))));
   return Promise.all(wanted.map((entry) => new Promise((take, fail) => entry.file(take, fail))));
 }

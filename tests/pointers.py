@@ -26,6 +26,11 @@ class Finger:
     def lift(self) -> None:
         self._send("touchEnd")
 
+    def tap_beside(self, held: tuple[float, float], point: tuple[float, float]) -> None:
+        """Tap with a second finger, while this one is held."""
+        self._send("touchStart", held, point)
+        self._send("touchMove", held)
+
 
 class Mouse:
     """A mouse that drags."""

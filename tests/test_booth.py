@@ -3,6 +3,8 @@
 import io
 import json
 import math
+import socket
+import struct
 from collections.abc import Iterator
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -10,10 +12,13 @@ from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 import httpx
+import numpy as np
 import pytest
 import segno
+import zxingcpp
 from axe_playwright_python.sync_playwright import Axe
 from conftest import PATIENCE, PHONE, Server, serving, wait_for
+from PIL import Image, ImageFilter
 from playwright.sync_api import expect
 from pointers import Mouse, centre
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -333,6 +338,17 @@ def test_a_phone_drives_the_next_one_waits_and_nobody_stays_when_the_screen_goes
         assert api.put("live/reference", json={}).status_code == 200
 
 
+def test_a_phone_whose_messages_wait_while_it_goes_leaves_no_trace_in_the_log(server, api):
+    with connect(server.socket_url("booth/screen")), phone(server, api, "gone") as gone:
+        told(gone, place=0)
+        for _ in range(200):  # which are read for some seconds more
+            gone.send(json.dumps({"forward": 0.5}))
+        gone.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        gone.socket.close()
+        wait_for(lambda: api.get("live").json()["driver_client"] == "" and not api.get("live/booth").json()["number"])
+    assert "Traceback" not in "".join(server.output)
+
+
 def test_without_the_key_of_today_nobody_drives(server):
     for key in ("", "wrong", "\u00e4"):
         with pytest.raises((InvalidStatus, ConnectionClosed)):
@@ -403,3 +419,38 @@ def test_the_screen_leads_phones_to_a_stick_and_a_push_one_after_the_other(visit
     expect(second.locator("#place")).to_have_text("You drive!")
     screen.close()
     expect(second.locator("#place")).to_have_text("The booth is closed")
+
+
+def as_a_camera_sees(picture: Image.Image) -> Image.Image:
+    """A screen from the side, by a camera of few pixels that is held askew by 20 degrees and out of focus."""
+    width, height = 1280, 720
+    corners = np.array([[160, 60], [1120, 130], [1120, 590], [160, 660]])  # of the screen in the photograph
+    plane = np.array([[0, 0], [picture.width, 0], picture.size, [0, picture.height]])
+    rows = [
+        row
+        for (x, y), (u, v) in zip(corners, plane, strict=True)
+        for row in ([x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y])
+    ]
+    there = np.linalg.solve(np.array(rows, dtype=float), plane.ravel().astype(float))
+    seen = picture.transform((width, height), Image.Transform.PERSPECTIVE, there.tolist(), Image.Resampling.BICUBIC)
+    return seen.rotate(20.0, Image.Resampling.BICUBIC).filter(ImageFilter.GaussianBlur(1.5))
+
+
+def codes(picture: Image.Image) -> list[str]:
+    """What the codes in a picture say to a phone."""
+    return [code.text for code in zxingcpp.read_barcodes(picture)]
+
+
+def test_a_phone_that_scans_the_screen_from_the_side_comes_to_drive(visit, api):
+    screen = visit("?booth", viewport={"width": 1920, "height": 1080})
+    expect(screen.locator("#booth-state")).not_to_have_text("connecting …")
+    wait_for(lambda: screen.evaluate("document.getElementById('booth-code').naturalWidth > 0"))
+    address = screen.url.removesuffix("/?booth") + api.get("live/booth").json()["phone"]
+    for width, height in ((1920, 1080), (1280, 720)):
+        for colours in ("light", "dark"):
+            screen.set_viewport_size({"width": width, "height": height})
+            screen.emulate_media(color_scheme=colours)
+            picture = Image.open(io.BytesIO(screen.screenshot())).convert("L")
+            assert [codes(picture), codes(as_a_camera_sees(picture))] == [[address], [address]], (width, colours)
+    scanned = visit(urlsplit(address).path.removeprefix("/") + "?" + urlsplit(address).query, **PHONE)
+    expect(scanned.locator("#place")).to_have_text("You drive!")

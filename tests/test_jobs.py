@@ -106,12 +106,18 @@ def test_a_job_can_be_killed_while_it_runs_by_several_threads_at_once():
     assert isinstance(error, ProcessDiedError) and "-9" in str(error)
 
 
-def test_a_runner_has_a_new_process_for_each_job_and_none_once_it_is_stopped():
+def test_a_runner_has_a_new_process_for_each_job_or_keeps_one_and_has_none_once_it_is_stopped():
     runner = JobRunner()
     ids = {runner.run(process_id).result() for _ in range(2)}
     assert len(ids) == 2 and not any(psutil.pid_exists(i) for i in ids)
+    kept = [runner.run_and_keep(process_id).result() for _ in range(2)]
+    assert kept[0] == kept[1] and kept[0] not in ids
+    runner.end_process()
+    assert not psutil.pid_exists(kept[0])
+    assert isinstance(runner.run_and_keep(die).exception(), ProcessDiedError)
+    last = runner.run_and_keep(process_id).result()
     runner.stop()
-    assert runner.is_stopping
+    assert runner.is_stopping and not psutil.pid_exists(last)
     with pytest.raises(ProcessDiedError, match="no process"):
         runner.run(process_id).result()
 

@@ -15,7 +15,7 @@ SIZES = [
 WIDTHS, HEIGHTS = range(320, 1501, 59), range(360, 1101, 148)
 FONTS = ["Liberation Sans Narrow", "DejaVu Sans"]  # the narrowest and the widest here
 ALWAYS = {"zero", "stop", "speed", "reset", "help", "panel", "share", "save", "views"}
-PADS = {"joystick", "turn", "ring", "push", "strength", "random"}
+PADS = {"joystick", "turn", "ring", "push", "rose", "strength", "random"}
 TIME_LINE = {
     "moment", "mark-back", "tick-back", "play", "tick-on", "mark-on", "play-speed", "present", "go-on-with", "go-on",
 }  # fmt: skip

@@ -283,6 +283,17 @@ def test_samples_speed_and_both_times(visit, api):
     wait_for(lambda: live(api)["speed"] == 1.0)
 
 
+def test_a_second_finger_pushes_while_the_first_one_holds_the_stick(visit, api):
+    page = visit(**PHONE)
+    finger, (x, y) = Finger(page), centre(page.get_by_test_id("joystick"))
+    finger.drag((x, y), (x, y - 50))
+    wait_for(lambda: live(api)["reference_vx"] > 0.0)
+    finger.tap_beside((x, y - 50), centre(page.get_by_test_id("push")))
+    wait_for(lambda: live(api)["last_push"] is not None)
+    assert page.get_by_test_id("joystick").evaluate("(stick) => stick.classList.contains('held')")
+    finger.lift()
+
+
 def test_page_tells_what_became_of_the_last_push(visit, api):
     page = visit()
     page.get_by_test_id("push").click()
@@ -295,10 +306,13 @@ def test_page_tells_what_became_of_the_last_push(visit, api):
     expect(page.get_by_test_id("status")).to_contain_text(UP)
 
 
-SHOW_LIMIT = """async ([degrees, value]) => {
-  const { PushLimit } = await import("/static/push.js");
+SHOW_LIMIT = """async ([degrees, value, isOn]) => {
+  const { PushRose } = await import("/static/push.js");
   const rose = { survived: [40, 20, 10, 60], bound: [50, 30, 12, 90] };  // ahead, left, back, right
-  new PushLimit({ degrees, strength: { value, max: 60, step: 1 } }).show({ push_rose: rose, status: 0 });
+  const dial = { degrees, strength: { value, max: 60, step: 1 } };
+  const shown = new PushRose({ dial, client: "", request: async () => ({}) });
+  shown.button.ariaPressed = isOn;
+  shown.show({ push_rose: rose, status: 0 });
   const caption = document.getElementById("push-limit");
   return [caption.textContent, caption.dataset.outcome];
 }"""
@@ -307,7 +321,8 @@ SHOW_LIMIT = """async ([degrees, value]) => {
 def test_beside_the_dial_stands_how_hard_a_push_in_its_direction_would_be_survived(visit):
     page = visit()
     expect(page.get_by_test_id("push-limit")).to_be_hidden()
-    found = {aim: page.evaluate(SHOW_LIMIT, aim) for aim in ((0, 12), (45, 12), (180, 12), (-90, 60), (-135, 12))}
+    aims = ((0, 12), (45, 12), (180, 12), (-90, 60), (-135, 12))
+    found = {aim: page.evaluate(SHOW_LIMIT, [*aim, "true"]) for aim in aims}
     assert found == {
         (0, 12): ["survives 40 of 50 N·s from here", ""],
         (45, 12): ["survives 30 of 40 N·s from here", ""],
@@ -315,6 +330,25 @@ def test_beside_the_dial_stands_how_hard_a_push_in_its_direction_would_be_surviv
         (-90, 60): ["survives all of 60 N·s from here", ""],
         (-135, 12): ["survives 35 of 51 N·s from here", ""],
     }
+    assert page.evaluate(SHOW_LIMIT, [0, 12, "false"]) == ["", ""], "of others, who draw the rose"
+
+
+def test_the_button_at_the_dial_draws_the_rose_in_its_own_browser_as_the_panel_does(visit, api):
+    other, page = visit(), visit()
+    rose = page.get_by_test_id("rose")
+    with page.expect_request("**/live/layers*") as switched:
+        rose.click()
+    expect(rose).to_have_attribute("aria-pressed", "true")
+    layers = switched.value.url.removeprefix(f"{page.url}api/v1/")
+    assert "client=" in layers and api.get(layers).json()["push_rose"]
+    assert not api.get("live/layers").json()["push_rose"], "nobody else sees it"
+    expect(other.get_by_test_id("rose")).to_have_attribute("aria-pressed", "false")
+    page.keyboard.press("n")
+    expect(rose).to_have_attribute("aria-pressed", "false")
+    assert not api.get(layers).json()["push_rose"]
+    api.patch(layers, json={"push_rose": True})  # as a switch of the panel does, in the scene's frame
+    page.frame_locator("#viewer").locator("#root").dispatch_event("click")
+    expect(rose).to_have_attribute("aria-pressed", "true")
 
 
 @pytest.mark.exhaustive

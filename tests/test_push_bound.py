@@ -105,14 +105,22 @@ def test_the_bound_is_that_of_the_program_with_every_cop(nb_ticks, phase):
 def test_no_times_that_are_left_out_would_allow_more(nb_ticks, monkeypatch):
     before = walked(nb_ticks)
     found = largest_impulses(before, TALOS, T, DIRECTIONS[:1], CLASS)
-    tried = push_bound._Ground.maximum
+    tried = push_bound._Program.maximum
     nb_tried = []
 
-    def counted(ground, times, direction):
-        nb_tried.append(tried(ground, times, direction))
+    def counted(*arguments):
+        nb_tried.append(tried(*arguments))
         return nb_tried[-1]
 
-    monkeypatch.setattr(push_bound._Ground, "maximum", counted)
+    monkeypatch.setattr(push_bound._Program, "maximum", counted)
     monkeypatch.setattr(push_bound._Ground, "bounds_without_reach", lambda *_: np.full(1, np.inf))
     assert found == pytest.approx(largest_impulses(before, TALOS, T, DIRECTIONS[:1], CLASS), abs=1e-6)
     assert len(nb_tried) > 30
+
+
+def test_what_one_direction_says_of_the_others_takes_nothing_from_them():
+    before = walked(112)
+    angles = np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    alone = [largest_impulses(before, TALOS, T, direction[None], CLASS)[0] for direction in directions]
+    assert largest_impulses(before, TALOS, T, directions, CLASS) == pytest.approx(alone, abs=1e-6)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from app.http.sweep_schemas import sweep_schema
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
 from walkcore.analysis.cell_outcome import CellOutcome, cell_seeds, nominal_walk, outcome, replay, wilson_interval
-from walkcore.analysis.survival import OBSERVED, ImpulseScan, NominalWalk, survived_impulses
+from walkcore.analysis.survival import OBSERVED, ImpulseScan, NominalWalk, largest_survived, survived_impulses
 from walkcore.analysis.sweep import load_sweep, sweep_from_mapping, sweep_names
 from walkcore.mpc.plan import Status
 from walkcore.scenario.recording import record
@@ -84,13 +84,18 @@ def test_every_border_that_the_scan_sees_is_found_to_the_tolerance(borders):
         tried[impulse] = sum(border <= impulse for border in borders) % 2 == 0
         return tried[impulse]
 
-    found = survived_impulses(survives, ImpulseScan(max_impulse=80.0, coarse=10.0, tolerance=0.5))
+    scan = ImpulseScan(max_impulse=80.0, coarse=10.0, tolerance=0.5)
+    found = survived_impulses(survives, scan)
     intervals = [(0.0, found.largest), *found.islands]
-    for impulse, has_survived in tried.items():
+    seen = dict(tried)
+    tried.clear()
+    assert largest_survived(survives, scan) == found.largest and tried.items() <= seen.items()
+    assert max(tried) == next((impulse for impulse in scan.grid[1:] if not seen[impulse]), 80.0)
+    for impulse, has_survived in seen.items():
         assert has_survived is any(low <= impulse <= high for low, high in intervals)
     for low, high in intervals:
-        assert low == 0.0 or any(low - 0.5 <= lethal < low for lethal in tried if not tried[lethal])
-        assert high == 80.0 or any(high < lethal <= high + 0.5 for lethal in tried if not tried[lethal])
+        assert low == 0.0 or any(low - 0.5 <= lethal < low for lethal in seen if not seen[lethal])
+        assert high == 80.0 or any(high < lethal <= high + 0.5 for lethal in seen if not seen[lethal])
 
 
 def test_wilson_interval_agrees_with_its_published_values():

@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Callable
+from pathlib import Path
 
 import httpx
 import pytest
@@ -149,6 +150,30 @@ def test_a_recording_that_is_dropped_on_the_scene_says_why_there_is_no_going_on_
     assert page.locator("#past-of option:checked").inner_text() == "walk"
     page.locator("#go-on").click()
     expect(page.locator("#notices")).to_contain_text("without run.json")
+
+
+def drop(page: Page, *paths: Path) -> None:
+    """Drop files and folders of this machine on the scene, as a person does from a file manager."""
+    session = page.context.new_cdp_session(page)
+    data = {"items": [], "files": [str(path) for path in paths], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        session.send("Input.dispatchDragEvent", {"type": kind, "x": 500, "y": 300, "data": data})
+
+
+def test_a_folder_that_is_dropped_is_opened_if_a_run_is_among_its_files(page, files, tmp_path):
+    run, other = tmp_path / "run", tmp_path / "other"
+    for folder in (run, other):
+        folder.mkdir()
+        for k in range(1000):  # a browser tells a hundred files of a folder at a time
+            (folder / f"{k}.txt").touch()
+    for file in files:
+        (run / file["name"]).write_bytes(file["buffer"])
+    drop(page, other)
+    expect(page.locator("#notices")).to_contain_text("no recording here")
+    drop(page, run)
+    at(page, 0)
+    assert page.locator("#past-of option:checked").inner_text() == "from elsewhere"
+    expect(page.locator("body")).not_to_contain_class("is-dropping")
 
 
 def test_what_is_no_recording_is_refused_with_its_reason(page):

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from app.jobs import JobProcess, ProcessDiedError, Report
+from app.jobs import JobRunner, Report
 from app.live.live_state import LiveState
 from walkcore import Parameters, Reference, Robot, Simulation
 from walkcore.analysis.push_rose import PushRose, push_rose
@@ -62,11 +62,10 @@ class PushRoses:
         """
         self._robot = pickle.dumps(replace(robot, body=None))
         self._state, self._parameters = state, parameters
+        self._jobs = JobRunner(NICENESS)
         self._requested_at = float("-inf")
         self._wake = threading.Condition()
-        self._is_stopping = False
         self._thread: threading.Thread | None = None
-        self._process: JobProcess | None = None
         self._latest: PushRose | None = None
 
     @property
@@ -78,7 +77,7 @@ class PushRoses:
         """Ask for roses for the next second; costs nothing where they are computed already."""
         with self._wake:
             was_requested, self._requested_at = self._is_requested(KEPT_FOR), time.monotonic()
-            if self._is_stopping:
+            if self._jobs.is_stopping:
                 return
             if self._thread is None:
                 self._thread = threading.Thread(target=self._serve, name="push roses", daemon=True)
@@ -89,11 +88,9 @@ class PushRoses:
 
     def stop(self) -> None:
         """End the process."""
+        self._jobs.stop()
         with self._wake:
-            self._is_stopping = True
             self._wake.notify()
-            if self._process is not None:
-                self._process.kill()
         if self._thread is not None:
             self._thread.join()
 
@@ -112,49 +109,33 @@ class PushRoses:
                     has_failed = False
                 except Exception:
                     self._latest = None
-                    if not has_failed:  # once, not several times a second
+                    if not (has_failed or self._jobs.is_stopping):  # once, not several times a second
                         logger.exception("no rose of pushes")
                     has_failed = True
                 before = present
             spent = time.monotonic() - started
             with self._wake:
-                if not self._is_stopping:
+                if not self._jobs.is_stopping:
                     self._wake.wait(max(PERIOD - spent, spent / SHARE - spent))
-        self._end_process()
 
     def _wait_for_request(self) -> bool:
         """Wait until roses are asked for; False when there are to be no more."""
+        timeout: float | None = IDLE_TIMEOUT
         with self._wake:
-            while not self._is_stopping and not self._is_requested(KEPT_FOR):
+            while not self._jobs.is_stopping and not self._is_requested(KEPT_FOR):
                 self._latest = None
-                is_idle = not self._wake.wait(IDLE_TIMEOUT if self._process is not None else None)
-                if is_idle:
-                    self._end_process()
-            return not self._is_stopping
+                if not self._wake.wait(timeout):
+                    self._jobs.end_process()
+                    timeout = None
+            return not self._jobs.is_stopping
 
     def _rose(self, state: LiveState, parameters: Parameters) -> PushRose | None:
         if state.next_state is None or state.next_state.why_fallen:
             return None
-        with self._wake:
-            if self._is_stopping:
-                return None
-            if self._process is None or not self._process.is_alive:
-                self._process = JobProcess(NICENESS)
-            process = self._process
         job = PushRoseJob(
             self._robot,
             replace(parameters, plant="ideal", twin=False),
             replace(state.next_state, driver=None, twin=None),
             state.snapshot.reference,
         )
-        try:
-            return process.run(job).result()
-        except ProcessDiedError:
-            if self._is_stopping:
-                return None
-            raise
-
-    def _end_process(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process = None
+        return self._jobs.run_and_keep(job).result()

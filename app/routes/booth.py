@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 import segno
 from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, Field, ValidationError
+from starlette.websockets import WebSocketDisconnected
 from websockets.frames import CloseCode
 
 from app.http.refusals import field_errors, summary
@@ -27,6 +28,7 @@ MAX_MESSAGE = 500  # characters
 MAX_RATE, BURST = 30.0, 20  # messages of a phone that are read a second, and at once
 MAX_PHONES = 100  # connected at once
 PERIOD = 0.25  # [s] between messages to a phone or a screen
+CLOSED = (WebSocketDisconnect, WebSocketDisconnected)  # told by what comes in, or by what was sent before
 Share = Annotated[float, Field(ge=-1.0, le=1.0)]
 
 router = APIRouter(prefix="/api/v1/live/booth", tags=["booth"], responses={422: {"model": ErrorBody}})
@@ -84,7 +86,7 @@ async def screen(socket: WebSocket, booth: TheBooth) -> None:
     with booth.screen():
         sending = asyncio.create_task(_tell_screen(socket, booth))
         try:
-            with suppress(WebSocketDisconnect):
+            with suppress(*CLOSED):
                 while True:
                     await socket.receive_text()  # only to see it close
         finally:
@@ -92,7 +94,7 @@ async def screen(socket: WebSocket, booth: TheBooth) -> None:
 
 
 async def _tell_screen(socket: WebSocket, booth: Booth) -> None:
-    with suppress(WebSocketDisconnect, RuntimeError):  # closed meanwhile
+    with suppress(*CLOSED):
         while True:
             booth.step()
             await socket.send_json(_state(booth))
@@ -130,7 +132,7 @@ async def phone(
         visitor.join()
         sending = asyncio.create_task(visitor.tell())
         try:
-            with suppress(WebSocketDisconnect):
+            with suppress(*CLOSED):
                 await visitor.obey()
         finally:
             sending.cancel()
@@ -155,7 +157,7 @@ class _Phone:
 
     async def tell(self) -> None:
         """Tell the phone its place, again and again."""
-        with suppress(WebSocketDisconnect, RuntimeError):  # closed meanwhile
+        with suppress(*CLOSED):
             while True:
                 place = self._booth.queue.place(self.name)
                 own = {"place": place, "own_number": self._number, "is_open": self._booth.is_open}

@@ -22,20 +22,23 @@ footholds another one of the regions R, where the reach is left out:
     G (xi_before + J d / (m omega))                     in  V + sum of C_k R_k              without the reach
 
 with G the growth up to the end. The first has no variables but J and f_k, in one program for all times. The second
-bounds J without any program; times whose bound is below a J that was found already are not tried.
+bounds J without any program; times whose bound is below a J that was found already are not tried. The impulses that
+are survived at some times are a convex polygon: its edge at the maximum in one direction, which the multipliers of
+the program tell, bounds J in all others.
 """
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
-from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import linprog
 
+from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
+from walkcore.mpc.qp import QP, InteriorPointSolver, Solver
 from walkcore.mpc.regions import closest_band, foothold_vertices, polygon
 from walkcore.mpc.stance import Side, convex_hull, mirrored
 from walkcore.robot import Robot
@@ -91,14 +94,19 @@ def largest_impulses(
     if not choices:
         return np.zeros(len(directions))
     bounds = np.array([ground.bounds_without_reach(times, directions) for ground, times in choices])
-    largest = np.zeros(len(directions))
-    for k, direction in enumerate(directions):
-        order: list[int] = np.argsort(-bounds[:, k], kind="stable").tolist()
-        for choice in order:
-            if bounds[choice, k] <= largest[k]:
-                break
-            ground, times = choices[choice]
-            largest[k] = max(float(largest[k]), ground.maximum(times, direction))
+    largest, solver = np.zeros(len(directions)), InteriorPointSolver()
+
+    @cache
+    def program(choice: int) -> _Program:
+        ground, times = choices[choice]
+        return ground.program(times)
+
+    for k in range(len(directions)):
+        while bounds[choice := int(np.argmax(bounds[:, k])), k] > largest[k]:
+            found, elsewhere = program(choice).maximum(directions, k, solver)
+            largest[k] = max(largest[k], found)
+            bounds[choice] = np.minimum(bounds[choice], elsewhere)
+            bounds[choice, k] = found
     return largest
 
 
@@ -217,21 +225,15 @@ class _Ground:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.min(np.where(along > ALIGNED, room[:, None] / along, np.inf), axis=0)
 
-    def maximum(self, times: _StepTimes, direction: Vector) -> float:
-        """The largest impulse in a direction for these times; 0 if there is none [N s].
-
-        Args:
-            times: of the touchdowns.
-            direction: in the world frame, unit vector, shape (2,).
-        """
+    def program(self, times: _StepTimes) -> "_Program":
+        """The program for these times of the touchdowns."""
         nb_feet = len(times.flights)
-        n = 1 + 2 * nb_feet
-        foot = [np.zeros((2, n)), *(np.eye(2, n, 1 + 2 * k) for k in range(nb_feet))]
-        dcm = np.zeros((2, n))
-        dcm[:, 0] = times.growth * self._dcm_per_impulse * (direction @ self._R)
-        at_end = dcm - sum(weight * foot[k + 1] for k, weight in enumerate(times.foothold_weights))
+        n = 2 + 2 * nb_feet
+        foot = [np.zeros((2, n)), *(np.eye(2, n, 2 + 2 * k) for k in range(nb_feet))]
+        footholds = sum(weight * foot[k + 1] for k, weight in enumerate(times.foothold_weights))
+        at_end = self._R.T @ np.eye(2, n) - footholds / times.growth
         rows = [self._normals @ at_end]
-        bounds = [self._room(times) - times.growth * (self._normals @ self._dcm)]
+        bounds = [self._room(times) / times.growth - self._normals @ self._dcm]
         sides = np.vstack([np.eye(2), -np.eye(2)])
         for k, (region, flight) in enumerate(zip(self._regions, times.flights, strict=True)):
             rows.append(region.normals @ (foot[k + 1] - foot[k]))
@@ -239,13 +241,43 @@ class _Ground:
             before, there = (foot[0], self._swing) if k == 0 else (foot[k - 1], np.zeros(2))
             rows.append(sides @ (foot[k + 1] - before))
             bounds.append(np.tile(flight * self._max_foot_speed, 2) + sides @ there)
-        found = cast(Any, linprog)(
-            -np.eye(1, n)[0],
-            A_ub=np.vstack(rows),
-            b_ub=np.concatenate(bounds),
-            bounds=[(0.0, None)] + [(None, None)] * (n - 1),
-        )
-        return float(found.x[0]) if found.status == 0 else 0.0
+        return _Program(np.vstack(rows), np.concatenate(bounds), self._dcm_per_impulse)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Program:
+    """Moves x of the DCM that are survived at some times: those with footholds f so that rows @ (x, f) <= bounds."""
+
+    rows: Matrix
+    """Shape (r, 2 + 2 K); x is in the world frame."""
+    bounds: Vector
+    """[m], shape (r,)."""
+    dcm_per_impulse: float
+    """How far an impulse moves the DCM [m/(N s)]."""
+
+    def maximum(self, directions: Matrix, k: int, solver: Solver) -> tuple[float, Vector]:
+        """The largest impulse in one direction; 0 if there is none [N s].
+
+        Args:
+            directions: in the world frame, unit vectors, shape (D, 2).
+            k: number of that direction.
+            solver: of the program.
+
+        Returns:
+            That impulse, and the one at which each direction leaves the half plane of the edge that it lies on,
+            shape (D,): no larger one is survived there.
+        """
+        G = np.column_stack([self.rows[:, :2] @ directions[k], self.rows[:, 2:]])
+        n, nothing = G.shape[1], np.full(len(G), -np.inf)
+        try:
+            solution = solver.solve(QP(np.zeros((n, n)), -np.eye(1, n)[0], G, nothing, self.bounds))
+        except NoSolutionFoundError:
+            return 0.0, np.full(len(directions), np.inf)
+        y = solution.multipliers  # y @ rows is zero but for x: what follows from the rows for x alone
+        along = directions @ (y @ self.rows[:, :2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            elsewhere = np.where(along > ALIGNED, y @ self.bounds / along, np.inf)
+        return max(float(solution.u[0]), 0.0) / self.dcm_per_impulse, elsewhere / self.dcm_per_impulse
 
 
 def _half_planes(vertices: Matrix) -> _HalfPlanes:

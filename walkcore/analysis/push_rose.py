@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from walkcore.analysis.push_bound import StepClass, largest_impulses
-from walkcore.analysis.survival import ImpulseScan, survived_impulses
+from walkcore.analysis.survival import ImpulseScan, largest_survived
 from walkcore.command import Command, Push, Reference
 from walkcore.simulation import Simulation
 from walkcore.snapshot import Snapshot
@@ -60,7 +60,7 @@ def push_rose(simulation: Simulation, reference: Reference, nb_directions: int =
         push = Push((1.0 - 1e-9) * impulse * direction, frame="world")  # so that rounding stays below the limit
         return is_survived(simulation.preview(Command(reference, push)), robot.max_com_distance)
 
-    survived = [survived_impulses(lambda impulse, d=d: survives(d, impulse), scan).largest for d in directions]
+    survived = [largest_survived(lambda impulse, d=d: survives(d, impulse), scan) for d in directions]
     bound = largest_impulses(before, robot, parameters.double_support_duration, directions, StepClass())
     return PushRose(before.tick, freeze(np.array(survived)), freeze(bound))
 

@@ -13,6 +13,7 @@ lies between two impulses of the scan is not seen.
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,6 +51,12 @@ class ImpulseScan:
     tolerance: float
     """Width down to which the interval between a survived and a lethal impulse is bisected [N s]."""
 
+    @property
+    def grid(self) -> list[float]:
+        """The impulses that are tried first, and none at all before them [N s]."""
+        nb_intervals = max(1, int(np.ceil(self.max_impulse / self.coarse - 1e-9)))
+        return np.linspace(0.0, self.max_impulse, nb_intervals + 1).tolist()
+
 
 @dataclass(frozen=True, slots=True)
 class SurvivedImpulses:
@@ -68,11 +75,10 @@ def survived_impulses(survives: Callable[[float], bool], scan: ImpulseScan) -> S
         survives: whether an impulse is survived [N s]; asked once for each. No push is survived without asking.
         scan: impulses to try.
     """
-    nb_intervals = max(1, int(np.ceil(scan.max_impulse / scan.coarse - 1e-9)))
-    grid = np.linspace(0.0, scan.max_impulse, nb_intervals + 1).tolist()
+    grid = scan.grid
     outcomes = [True, *(survives(impulse) for impulse in grid[1:])]
     ends = [0.0]  # of the survived and lethal intervals in turn, the tried impulses next to each border
-    for k in range(nb_intervals):
+    for k in range(len(grid) - 1):
         if outcomes[k] is not outcomes[k + 1]:
             ends += _bisected(survives, grid[k], grid[k + 1], outcomes[k], scan.tolerance)
     if outcomes[-1]:
@@ -80,6 +86,19 @@ def survived_impulses(survives: Callable[[float], bool], scan: ImpulseScan) -> S
     # Borders alternate: survived from ends[0] to ends[1], lethal from ends[2] to ends[3], survived from ends[4] on.
     survived = [(ends[i], ends[i + 1]) for i in range(0, len(ends) - 1, 4)]
     return SurvivedImpulses(survived[0][1], tuple(survived[1:]))
+
+
+def largest_survived(survives: Callable[[float], bool], scan: ImpulseScan) -> float:
+    """The `largest` of `survived_impulses`, without a look beyond the first lethal impulse [N s].
+
+    Args:
+        survives: whether an impulse is survived [N s]; asked once for each.
+        scan: impulses to try.
+    """
+    for low, high in pairwise(scan.grid):
+        if not survives(high):
+            return _bisected(survives, low, high, True, scan.tolerance)[0]
+    return scan.max_impulse
 
 
 def _bisected(
