@@ -441,8 +441,8 @@ def codes(picture: Image.Image) -> list[str]:
     return [code.text for code in zxingcpp.read_barcodes(picture)]
 
 
-def test_a_phone_that_scans_the_screen_from_the_side_comes_to_drive(visit, api):
-    screen = visit("?booth", viewport={"width": 1920, "height": 1080})
+def test_a_phone_that_scans_the_screen_from_the_side_comes_to_drive(visit, api, server):
+    screen = visit(f"{server.url}?booth", viewport={"width": 1920, "height": 1080})
     expect(screen.locator("#booth-state")).not_to_have_text("connecting …")
     wait_for(lambda: screen.evaluate("document.getElementById('booth-code').naturalWidth > 0"))
     address = screen.url.removesuffix("/?booth") + api.get("live/booth").json()["phone"]
@@ -452,5 +452,5 @@ def test_a_phone_that_scans_the_screen_from_the_side_comes_to_drive(visit, api):
             screen.emulate_media(color_scheme=colours)
             picture = Image.open(io.BytesIO(screen.screenshot())).convert("L")
             assert [codes(picture), codes(as_a_camera_sees(picture))] == [[address], [address]], (width, colours)
-    scanned = visit(urlsplit(address).path.removeprefix("/") + "?" + urlsplit(address).query, **PHONE)
+    scanned = visit(address, **PHONE)
     expect(scanned.locator("#place")).to_have_text("You drive!")
