@@ -13,6 +13,7 @@ from app.jobs import JobPool
 from app.settings import usable_cores
 from walkcore import Parameters, Push, Recording, Robot, Scenario, load_robot, load_scenario, record, scenario_names
 from walkcore.errors import UnknownNameError
+from walkcore.mpc import schemes
 from walkcore.robot import FootholdRegion
 from walkcore.values import Vector, frozen_copy
 
@@ -114,9 +115,9 @@ def sample_motion(robot: str, control_period: float) -> Scenario:
 
 
 def using(scenario: Scenario, scheme: str) -> Scenario:
-    """The same scenario by another scheme, with the horizon that it needs: (31) previews four steps, (19) two."""
-    nb_steps = 4 if scheme == "mean_velocity" else 2
-    horizon = nb_steps * scenario.parameters.timing.samples_per_step
+    """The same scenario by another scheme, with the horizon that its walk needs, of two steps at least."""
+    per_step = scenario.parameters.timing.samples_per_step
+    horizon = max(2 * per_step, schemes.SCHEMES[scheme].lasting_horizon(per_step))
     return replace(scenario, parameters=replace(scenario.parameters, scheme=scheme, horizon_samples=horizon))
 
 
