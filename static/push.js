@@ -115,7 +115,7 @@ export class PushReport {
 export class PushRose {
   /** @param {{dial: PushDial, client: string, request: (method: string, path: string, body?: object) => Promise<any>}} options */
   constructor({ dial, client, request }) {
-    Object.assign(this, { dial, request, path: `live/layers?client=${client}`, hadRose: null });
+    Object.assign(this, { dial, request, path: `live/layers?client=${client}`, hadRose: null, asked: 0 });
     this.caption = document.getElementById("push-limit");
     this.button = document.getElementById("rose");
     this.button.addEventListener("click", () => this.toggle());
@@ -125,8 +125,11 @@ export class PushRose {
     return this.button.ariaPressed === "true";
   }
 
-  toggle() {
-    this.take(this.request("PATCH", this.path, { push_rose: !this.isOn }));
+  async toggle() {
+    const isOn = !this.isOn;
+    this.button.ariaPressed = String(isOn); // before the answer, so that a second press switches back
+    const isTaken = await this.take(this.request("PATCH", this.path, { push_rose: isOn }));
+    if (!isTaken) this.update(); // a refusal is on the screen already
   }
 
   /** Ask whether this browser draws it: the panel and links switch it, too. */
@@ -135,8 +138,10 @@ export class PushRose {
   }
 
   async take(layers) {
+    const asked = ++this.asked;
     const isOn = (await layers)?.push_rose;
-    if (isOn !== undefined) this.button.ariaPressed = String(isOn);
+    if (isOn !== undefined && asked === this.asked) this.button.ariaPressed = String(isOn);
+    return isOn !== undefined;
   }
 
   show({ push_rose: rose, status }) {
