@@ -20,8 +20,8 @@ from pathlib import Path
 import httpx
 import psutil
 import tyro
-from playwright.async_api import Browser, CDPSession, Error, Page, async_playwright
-from soak_server import PATIENCE, Sample, nb_warnings, sample, served
+from playwright.async_api import Browser, CDPSession, Page, async_playwright
+from soak_server import FALLEN, PATIENCE, Sample, nb_warnings, sample, served
 
 CHROMIUM = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SCREEN, PHONE = {"width": 640, "height": 360}, {"width": 390, "height": 844}  # small: software renders the screen
@@ -87,6 +87,7 @@ async def _soak(soak: SoakBooth, url: str, process: psutil.Process) -> None:
                 break
         for phone in phones:
             phone.cancel()
+        await asyncio.gather(*phones, return_exceptions=True)
         print(f"\nwarnings of the server: {nb_warnings(process)}; errors of the pages: {seen.errors or 'none'}")
         await browser.close()
 
@@ -125,8 +126,8 @@ async def _come_and_go(browser: Browser, url: str, began: float, seen: Seen) -> 
         seen.visits += 1
         try:
             await _visit(browser, url, seen)
-        except (Error, httpx.HTTPError) as error:
-            seen.errors.append(str(error).splitlines()[0])
+        except Exception as error:  # the soak goes on, and its table says so
+            seen.errors.append(f"{type(error).__name__}: {error}".splitlines()[0])
 
 
 async def _visit(browser: Browser, url: str, seen: Seen) -> None:
@@ -170,10 +171,13 @@ async def _fall(url: str, seen: Seen) -> None:
             if (await api.post("live/push", json={"impulse": [0.0, limit]})).status_code < 300:
                 break
             await asyncio.sleep(1.0)
+        else:
+            seen.errors.append("no push was taken for 30 s")
+            return
         await asyncio.sleep(3.0)
-        seen.falls += (await api.get("live")).json()["status"] == 2
+        seen.falls += (await api.get("live")).json()["status"] == FALLEN
         await asyncio.sleep(10.0)
-        seen.stood += (await api.get("live")).json()["status"] != 2
+        seen.stood += (await api.get("live")).json()["status"] != FALLEN
 
 
 if __name__ == "__main__":
