@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.analysis import push_bound
 from walkcore.analysis.push_bound import StepClass, largest_impulses
+from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.regions import polygon
@@ -124,3 +125,23 @@ def test_what_one_direction_says_of_the_others_takes_nothing_from_them():
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
     alone = [largest_impulses(before, TALOS, T, direction[None], CLASS)[0] for direction in directions]
     assert largest_impulses(before, TALOS, T, directions, CLASS) == pytest.approx(alone, abs=1e-6)
+
+
+class StallingSolver(push_bound.InteriorPointSolver):
+    """Gets no nearer to its tolerance than PIQP may, by rounding, in every second program."""
+
+    nb_solved = 0
+
+    def solve(self, *args, **options):
+        self.nb_solved += 1
+        if self.nb_solved % 2:
+            raise NoSolutionFoundError("no solution (PIQP_MAX_ITER_REACHED)")
+        return super().solve(*args, **options)
+
+
+def test_a_solver_that_stalls_makes_no_bound_too_low(monkeypatch):
+    snapshot = walked(30)
+    exact = largest_impulses(snapshot, TALOS, T, DIRECTIONS, CLASS)
+    monkeypatch.setattr(push_bound, "InteriorPointSolver", StallingSolver)
+    stalled = largest_impulses(snapshot, TALOS, T, DIRECTIONS, CLASS)
+    assert np.all(stalled > exact - 1e-6) and np.all(exact > 1.0)

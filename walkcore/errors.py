@@ -43,6 +43,10 @@ class NoSolutionFoundError(WalkError):
     """The walking QP has no solution, not even with its soft margins given up."""
 
 
+class InfeasibleError(NoSolutionFoundError):
+    """The solver has found that no point keeps all bounds."""
+
+
 class OutOfTimeError(WalkError):
     """The time that the caller allows for a tick is over; no plan is found in it."""
 

@@ -35,11 +35,11 @@ from itertools import product
 
 import numpy as np
 
-from walkcore.errors import NoSolutionFoundError
+from walkcore.errors import InfeasibleError, NoSolutionFoundError
 from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.qp import QP, InteriorPointSolver, Solver
-from walkcore.mpc.regions import closest_band, foothold_vertices, polygon
+from walkcore.mpc.regions import polygon
 from walkcore.mpc.stance import Side, convex_hull, mirrored
 from walkcore.robot import Robot
 from walkcore.snapshot import Snapshot
@@ -103,7 +103,7 @@ def largest_impulses(
 
     for k in range(len(directions)):
         while bounds[choice := int(np.argmax(bounds[:, k])), k] > largest[k]:
-            found, elsewhere = program(choice).maximum(directions, k, solver)
+            found, elsewhere = program(choice).maximum(directions, k, solver, bounds[choice])
             largest[k] = max(largest[k], found)
             bounds[choice] = np.minimum(bounds[choice], elsewhere)
             bounds[choice, k] = found
@@ -193,7 +193,7 @@ class _Ground:
         both = convex_hull(np.vstack([_sole(robot, side), self._swing + _sole(robot, side.other)]))
         soles = {SUPPORT: _sole(robot, side), BOTH: both}
         soles |= {k + 1: _sole(robot, foot) for k, foot in enumerate(landing)}
-        regions = [_region(robot, foot) for foot in landing]
+        regions = [robot.foothold_region_at(0.0, foot) for foot in landing]
         self._regions = [_half_planes(region) for region in regions]
         shapes = [*regions[:2], viable, *(soles[foot] for foot in (SUPPORT, BOTH, 1))]
         self._normals = np.vstack([np.eye(2), -np.eye(2), *(_half_planes(shape).normals for shape in shapes)])
@@ -255,24 +255,27 @@ class _Program:
     dcm_per_impulse: float
     """How far an impulse moves the DCM [m/(N s)]."""
 
-    def maximum(self, directions: Matrix, k: int, solver: Solver) -> tuple[float, Vector]:
+    def maximum(self, directions: Matrix, k: int, solver: Solver, known: Vector) -> tuple[float, Vector]:
         """The largest impulse in one direction; 0 if there is none [N s].
 
         Args:
             directions: in the world frame, unit vectors, shape (D, 2).
             k: number of that direction.
             solver: of the program.
+            known: bounds of all directions so far [N s], shape (D,).
 
         Returns:
-            That impulse, and the one at which each direction leaves the half plane of the edge that it lies on,
-            shape (D,): no larger one is survived there.
+            That impulse, or its bound so far where the solver stalls; and the one at which each direction leaves the
+            half plane of the edge that it lies on, shape (D,): no larger one is survived there.
         """
         G = np.column_stack([self.rows[:, :2] @ directions[k], self.rows[:, 2:]])
         n, nothing = G.shape[1], np.full(len(G), -np.inf)
         try:
             solution = solver.solve(QP(np.zeros((n, n)), -np.eye(1, n)[0], G, nothing, self.bounds))
+        except InfeasibleError:
+            return 0.0, known
         except NoSolutionFoundError:
-            return 0.0, np.full(len(directions), np.inf)
+            return float(known[k]), known
         y = solution.multipliers  # y @ rows is zero but for x: what follows from the rows for x alone
         along = directions @ (y @ self.rows[:, :2])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -325,8 +328,3 @@ def _first_steps(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[tup
 
 def _sole(robot: Robot, side: Side) -> Matrix:
     return robot.sole if side is Side.LEFT else mirrored(robot.sole)
-
-
-def _region(robot: Robot, side: Side) -> Matrix:
-    bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
-    return foothold_vertices(robot.foothold_regions[closest_band(bands, 0.0)].vertices, side)

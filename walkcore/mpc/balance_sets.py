@@ -9,17 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
-
 from walkcore.mpc.capture import StepTiming, strides, viable_polygons, viable_vertices
-from walkcore.mpc.lipm import Pendulum
-from walkcore.mpc.regions import HalfPlanes
+from walkcore.mpc.regions import HalfPlanes, shrunk
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Side
 from walkcore.mpc.viability import Allowance, ViableSets, viable_sets
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
-from walkcore.values import Matrix
 
 SHORTER_STEPS = (0.6, 0.5, 0.4)  # [s]
 SHORTEST_SWING = 0.3  # [s]
@@ -51,27 +47,21 @@ def capture_sets(robot: Robot, parameters: Parameters, step_duration: float | No
         EmptyRegionError: if the margin leaves nothing of the sole.
     """
     p = parameters
-    height = robot.com_height if p.com_height is None else p.com_height
     single_support = (p.step_duration if step_duration is None else step_duration) - p.double_support_duration
-    timing = StepTiming(p.double_support_duration, single_support, Pendulum(height, p.gravity).omega)
+    timing = StepTiming(p.double_support_duration, single_support, robot.pendulum(p).omega)
     return _capture_sets(robot, p.cop_margin, timing, p.sampling_period)
 
 
 @lru_cache(maxsize=32)  # adaptive step timing has four durations of the coming steps
 def _capture_sets(robot: Robot, margin: float, timing: StepTiming, sampling_period: float) -> CaptureSets:
-    region, part = (strides(r, robot.max_foot_speed, timing) for r in (robot.foothold_region, part_of_region(robot)))
+    whole = robot.foothold_region
+    region, part = (strides(r, robot.max_foot_speed, timing) for r in (whole, shrunk(whole, TIGHTENING)))
     return CaptureSets(
         *(
             viable_polygons(viable_vertices(robot.sole, margin, vertices, timing, sampling_period))
             for margin, vertices in ((margin, region), (margin, part), (0.0, region))
         )
     )
-
-
-def part_of_region(robot: Robot) -> Matrix:
-    """The part of the foothold region that a plan which had to be corrected may count on later [m], shape (V, 2)."""
-    region, middle = robot.foothold_region, np.mean(robot.foothold_region, axis=0)
-    return middle + TIGHTENING * (region - middle)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

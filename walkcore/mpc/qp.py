@@ -25,7 +25,7 @@ import daqp
 import numpy as np
 import piqp
 
-from walkcore.errors import NoSolutionFoundError, OutOfTimeError
+from walkcore.errors import InfeasibleError, NoSolutionFoundError, OutOfTimeError
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.values import Matrix, Vector
 
@@ -79,7 +79,8 @@ class Solver(Protocol):
             time_left: for the solve; PIQP, whose iterations are few, only starts within it, DAQP has to end, too.
 
         Raises:
-            NoSolutionFoundError: if the solver does not reach its tolerance, which an infeasible problem ends in.
+            InfeasibleError: if the solver has found that the bounds contradict each other.
+            NoSolutionFoundError: if it does not reach its tolerance, in which an infeasible problem may end, too.
             OutOfTimeError: if the time is over.
         """
         ...
@@ -114,7 +115,8 @@ class InteriorPointSolver:
         stages.lap("solve")
         result = solver.result
         if status != piqp.PIQP_SOLVED and not self._has_stalled_near_enough(result.info):
-            raise NoSolutionFoundError(f"no solution ({status.name}) for {problem.summary}")
+            error = InfeasibleError if status == piqp.PIQP_PRIMAL_INFEASIBLE else NoSolutionFoundError
+            raise error(f"no solution ({status.name}) for {problem.summary}")
         return _finite(Solution(result.x, result.z_u - result.z_l), problem)
 
     def _has_stalled_near_enough(self, info: Any) -> bool:

@@ -161,6 +161,17 @@ def cut_vertices(vertices: Matrix, normal: Vector, bound: float) -> Matrix:
     return np.array(corners).reshape(-1, 2)
 
 
+def shrunk(vertices: Matrix, part: float) -> Matrix:
+    """A polygon around the same middle with a part of its width [m], shape (V, 2).
+
+    Args:
+        vertices: of the polygon [m], shape (V, 2).
+        part: of its width that is left.
+    """
+    middle = np.mean(vertices, axis=0)
+    return middle + part * (vertices - middle)
+
+
 def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
     """The foothold region of a landing foot in the frame of the support foot, shape (V, 2) [m].
 

@@ -29,7 +29,7 @@ from scipy.spatial import ConvexHull
 
 from walkcore.cache import instance_cache
 from walkcore.mpc.capture import StepTiming, strides, viable_after_double_support
-from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices
+from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices, shrunk
 from walkcore.mpc.stance import Footstep, Side, mirrored
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
@@ -103,12 +103,11 @@ class ViableSets:
         soles = [inset_vertices(robot.sole, allowance.margin) for allowance in allowances]
         self._soles = {Side.LEFT: soles, Side.RIGHT: [mirrored(sole) for sole in soles]}
         timings = [StepTiming(double_support, duration - double_support, omega) for duration in durations]
-        middle = np.mean(robot.foothold_region, axis=0)
         sets = [
             viable_after_double_support(
                 robot.sole,
                 allowance.margin,
-                strides(middle + allowance.part * (robot.foothold_region - middle), robot.max_foot_speed, timing),
+                strides(shrunk(robot.foothold_region, allowance.part), robot.max_foot_speed, timing),
                 timing,
             )
             for allowance in allowances
