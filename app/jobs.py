@@ -76,8 +76,10 @@ class JobProcess:
         absolute = max(0, os.getpriority(os.PRIO_PROCESS, 0)) + niceness
         self._process = context.Process(target=_work, args=(theirs, absolute), name="walk job", daemon=True)
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for this process, which kills that
-        self._process.start()
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         theirs.close()  # so that the end of the process is the end of the pipe
 
     @property

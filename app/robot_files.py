@@ -6,6 +6,7 @@ from typing import Any
 import yaml
 
 FOOT_SPEED = "m/s, along x and y of the support foot's frame, for (30): "
+FOOT_YAW_RATE = "rad/s: "
 UNITS = {
     "mass": "kg, of the URDF",
     "com_height": "m, over the ground: lower it where the knees stretch",
@@ -13,7 +14,7 @@ UNITS = {
     "sole": "m, outline of the left sole in its own frame; the right one is its mirror image",
     "foothold_regions": "m, of the left foot in the right foot's frame: a guess from the size, see walk footholds",
     "max_foot_speed": f"{FOOT_SPEED}a guess from the robot's size, as a joint of the legs has no speed limit",
-    "max_foot_yaw_rate": "rad/s",
+    "max_foot_yaw_rate": f"{FOOT_YAW_RATE}a guess",
     "max_com_distance": "m, horizontal, from the support foot: beyond, the leg is too short and the robot has fallen",
     "max_reference": "m/s, rad/s: a guess from the robot's size",
     "max_push": "N s",

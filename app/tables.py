@@ -10,7 +10,7 @@ def text_table(rows: Rows, align: Callable[[str, int], str] = str.ljust) -> str:
 
     Args:
         rows: of the table.
-        align: gives a cell of a column behind the first one its width.
+        align: pads a cell to a width, in all columns but the first.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ([row[0].ljust(widths[0]), *map(align, row[1:], widths[1:])] for row in rows)

@@ -75,15 +75,15 @@ class ImportCommand:
         values = robot_mapping(measured, self.name or self.out.stem, self.out.parent)
         robot = robot_from_mapping(values, self.out)
         progress("inertias, mirror images and torques")
-        told = list(findings(measured, robot))
-        found = _limit_foot_speeds(values, robot)
-        robot = self._write(values, found)
-        for finding in told:
+        notes = list(findings(measured, robot))
+        origins = _limit_foot_speeds(values, robot)
+        robot = self._write(values, origins)
+        for finding in notes:
             print(f"note: {finding}", file=sys.stderr)
         if self.footholds:
-            robot = self._with_footholds(values, found)
-            robot = self._with_speed_limits(values, robot, found)
-        robot = self._with_swing_moments(values, robot, found)
+            robot = self._with_footholds(values, origins)
+            robot = self._with_speed_limits(values, robot, origins)
+        robot = self._with_swing_moments(values, robot, origins)
         if self.picture:
             from app.robot_picture import draw_robot
 
@@ -95,14 +95,14 @@ class ImportCommand:
         )
         print(f"see it walk: ROBOT={self.out} make run; find where it can step: walk footholds {self.out}")
 
-    def _write(self, values: dict[str, Any], found: dict[str, str]) -> Robot:
-        """The robot of these values, which go into the file, with where those that were found come from."""
+    def _write(self, values: dict[str, Any], origins: dict[str, str]) -> Robot:
+        """Write the file, with the origin of each value that was found, and return its robot."""
         from app.robot_files import robot_text
 
-        self.out.write_text(robot_text(values, self.urdf.name, found), encoding="utf-8")
+        self.out.write_text(robot_text(values, self.urdf.name, origins), encoding="utf-8")
         return load_robot(self.out)
 
-    def _with_footholds(self, values: dict[str, Any], told: dict[str, str]) -> Robot:
+    def _with_footholds(self, values: dict[str, Any], origins: dict[str, str]) -> Robot:
         """The robot with the regions that a study of its file finds."""
         from app.footholds.foothold_files import write
         from app.footholds.foothold_study import study
@@ -115,28 +115,32 @@ class ImportCommand:
             {"yaw": [region.lowest_yaw, region.highest_yaw], "region": region.vertices.tolist()}
             for region in found.regions
         ]
-        told["foothold_regions"] = STUDIED["foothold_regions"]
-        return self._write(values, told)
+        origins["foothold_regions"] = STUDIED["foothold_regions"]
+        return self._write(values, origins)
 
-    def _with_speed_limits(self, values: dict[str, Any], robot: Robot, found: dict[str, str]) -> Robot:
+    def _with_speed_limits(self, values: dict[str, Any], robot: Robot, origins: dict[str, str]) -> Robot:
         """The robot with the fastest references that its joints keep."""
         from app.robot_files import STUDIED
         from walkcore.robot_import.speed_limits import fastest_references
 
         progress("fastest references")
+        too_fast: list[str] = []
         for name, (low, high) in fastest_references(robot):
             guessed = values["max_reference"][name]
             if low == 0.0 or high == 0.0:
-                told = (
+                too_fast.append(name)
+                note = (
                     f"{name}: not even a sixth of the guessed {guessed[0]} to {guessed[1]} is within its joints' limits"
                 )
-                print(f"note: {told}; try another com_height, swing_height or step_duration", file=sys.stderr)
+                print(f"note: {note}; try another com_height, swing_height or step_duration", file=sys.stderr)
             else:
                 values["max_reference"][name] = [low, high]
-        found["max_reference"] = STUDIED["max_reference"]
-        return self._write(values, found)
+        origins["max_reference"] = STUDIED["max_reference"]
+        if too_fast:
+            origins["max_reference"] += f"; {' and '.join(too_fast)} are still guesses, which the joints do not keep"
+        return self._write(values, origins)
 
-    def _with_swing_moments(self, values: dict[str, Any], robot: Robot, found: dict[str, str]) -> Robot:
+    def _with_swing_moments(self, values: dict[str, Any], robot: Robot, origins: dict[str, str]) -> Robot:
         """The robot with the moments of its swinging leg, where it walks long enough to fit them."""
         from walkcore.robot_import.swing_fit import fit_swing_moments
 
@@ -147,35 +151,39 @@ class ImportCommand:
             print(f"note: {error}", file=sys.stderr)
             return robot
         values["swing_moments"] = {key: round(getattr(moments, key), 4) for key in ("foot", "knee", "com")}
-        return self._write(values, found)
+        return self._write(values, origins)
 
 
 def _limit_foot_speeds(values: dict[str, Any], robot: Robot) -> dict[str, str]:
-    """Lower the guessed speeds of the feet to what the joints of the legs allow; where those in the file come from."""
-    from app.robot_files import FOOT_SPEED
+    """Lower the guessed speeds of the feet to what the joints of the legs allow; the origin of those in the file."""
+    from app.robot_files import FOOT_SPEED, FOOT_YAW_RATE
     from walkcore.robot_import.speed_limits import USED, foot_speeds
 
     try:
         allowed = foot_speeds(robot)
     except InverseKinematicsError as error:
         print(f"note: speeds of the feet are guesses: a stride is too long for the legs, {error}", file=sys.stderr)
-        return {}
+        origin = "a guess from the robot's size, as a stride at its fastest reference is too long for the legs"
+        return {"max_foot_speed": FOOT_SPEED + origin}
     if allowed is None:
         return {}
-    guessed = values["max_foot_speed"]
-    values["max_foot_speed"] = [
-        max(0.01, round(min(speed, USED * most), 2))
-        for speed, most in zip(guessed, (allowed.forward, allowed.sideways), strict=True)
-    ]
-    values["max_foot_yaw_rate"] = max(0.01, round(min(values["max_foot_yaw_rate"], USED * allowed.yaw_rate), 2))
-    by_joints = (
-        f"joints allow {allowed.forward:.2f} and {allowed.sideways:.2f}, {allowed.joint} is the first at its limit"
-    )
-    is_lower = values["max_foot_speed"] != guessed
-    origin = (
-        f"{USED:g} of what the leg {by_joints}" if is_lower else f"a guess from the robot's size; the leg {by_joints}"
-    )
-    return {"max_foot_speed": FOOT_SPEED + origin}
+
+    def limited(guessed: float, most: float) -> tuple[float, str]:
+        speed = max(0.01, round(min(guessed, USED * most), 2))
+        origin = (
+            f"{USED:g} of the {most:.2f}" if speed < guessed else f"a guess from the robot's size, within {most:.2f}"
+        )
+        return speed, f"{origin} that the joints of the leg allow"
+
+    x, y = values["max_foot_speed"]
+    (forward, along_x), (sideways, along_y) = limited(x, allowed.forward), limited(y, allowed.sideways)
+    yaw_rate, turning = limited(values["max_foot_yaw_rate"], allowed.yaw_rate)
+    values |= {"max_foot_speed": [forward, sideways], "max_foot_yaw_rate": yaw_rate}
+    first = f"{allowed.joint} is the first at its limit"
+    return {
+        "max_foot_speed": f"{FOOT_SPEED}{along_x}, and {along_y}; {first}",
+        "max_foot_yaw_rate": FOOT_YAW_RATE + turning,
+    }
 
 
 FIT_PERIOD = 0.02  # [s] of a tick: the moments differ by 2 to 10 % from those at 5 ms, and take a fourth of the time

@@ -172,11 +172,12 @@ class Runs(WorkQueue[Run]):
         try:
             draft.replace(self.store.unfinished(run.id))  # which is empty
             self.store.finish(run.id, None)
-        except OSError as error:  # it is in the list already
+        except Exception as error:  # it is in the list already
             self.store.fail(run.id, f"could not be kept: {error}")
             raise
+        kept = self.store.get(run.id)  # before it may be one of those that are too many
         self._trim()
-        return self.store.get(run.id)
+        return kept
 
     def file(self, run_id: str, name: str) -> Path:
         """A file of a run that was simulated to its end: run.json, or a recording, made now if need be.

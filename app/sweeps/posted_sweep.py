@@ -15,14 +15,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from uuid import uuid4
 
 from app.jobs import Report
 from app.sweeps.cells import CellStore, read_json, write_whole
 from app.sweeps.engine import SweepProgress, run_sweep, sweep_versions
 from app.sweeps.results import write_results
-from app.work import RunsUnavailableError, Work, WorkStore
+from app.work import RunsUnavailableError, Work, WorkStatus, WorkStore
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import WalkError
 
@@ -155,7 +155,8 @@ def _read(folder: Path) -> PostedSweep | None:
         nb_cells = state["nb_cells"]
         progress = SweepProgress(nb_cells if state["status"] == "done" else 0, nb_cells, None)
         sweep = PostedSweep(id=folder.name, progress=progress, **{name: state[name] for name in KEPT})
-        if not isinstance(sweep.source, dict) or not math.isfinite(sweep.created):
+        is_one = isinstance(sweep.source, dict) and isinstance(sweep.size, int) and math.isfinite(sweep.created)
+        if not is_one or sweep.status not in get_args(WorkStatus):
             raise ValueError("its state is none")
     except (FileNotFoundError, NotADirectoryError, WalkError, LookupError, TypeError, ValueError) as error:
         logger.warning("the files in %s are no sweep, and are removed: %s", folder, error)

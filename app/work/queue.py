@@ -94,7 +94,7 @@ class WorkQueue(Generic[AnyWork]):
                     process.kill()
         else:
             self._store.remove(work_id)
-            self._look()  # there is space
+            self._wake_one()  # there is space
         return work
 
     def _take_in(self, add: Callable[[], AnyWork]) -> AnyWork:
@@ -112,13 +112,13 @@ class WorkQueue(Generic[AnyWork]):
             try:
                 return add()
             finally:
-                self._look()  # to begin with it, or to try the disk again that did not take it
+                self._wake_one()  # to begin with it, or to try the disk again that did not take it
 
     def _trim(self) -> None:
         self._store.trim(self._nb_kept, self._bytes_kept)
 
-    def _look(self) -> None:
-        """Have a thread that waits look for work."""
+    def _wake_one(self) -> None:
+        """Wake a thread that waits for work."""
         with self._wake:
             self._wake.notify()
 
@@ -160,7 +160,10 @@ class WorkQueue(Generic[AnyWork]):
 
     def _do(self, work: AnyWork, process: JobProcess) -> None:
         with self._wake:
-            if self._is_stopping or self._store.get(work.id).has_ended:  # cancelled before the process was known
+            if self._is_stopping:
+                return
+            if self._store.get(work.id).has_ended:  # cancelled before the process was known
+                self._store.discard(work.id)
                 return
             self._processes[work.id] = process
         try:

@@ -62,7 +62,7 @@ def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
         found, more = ", ".join(model.names[end] for end in ends[:4]), ", ..." if len(ends) > 4 else ""
         limit = "must be two: only bipeds walk here, with z up; where arms hang as low, name --left-foot, --right-foot"
         raise InvalidValueError("urdf: lowest ends", f"{len(ends)} ({found}{more})", limit)
-    left, right = ends if feet else sorted(ends, key=lambda end: _is_right(model, data, end))
+    left, right = ends if feet else sorted(ends, key=lambda end: _side_order(model, data, end))
     legs = Leg(Side.LEFT, _chain(model, left, right)), Leg(Side.RIGHT, _chain(model, right, left))
     for leg in legs:
         if len(leg.joints) < NB_JOINTS:
@@ -76,16 +76,17 @@ def find_legs(model: pin.Model, feet: Sequence[str] = ()) -> tuple[Leg, Leg]:
     return legs
 
 
-def _is_right(model: pin.Model, data: pin.Data, end: int) -> tuple[bool, float]:
-    """Orders the ends of the legs: by their names where these tell the side, else by y."""
-    return _side_in(model.names[end]) is Side.RIGHT, -float(data.oMi[end].translation[1])
+def _side_order(model: pin.Model, data: pin.Data, end: int) -> tuple[int, float]:
+    """Orders the ends of the legs from left to right: by their names where these tell the side, else by y."""
+    by_name = (Side.LEFT, None, Side.RIGHT).index(_side_in(model.names[end]))
+    return by_name, -float(data.oMi[end].translation[1])
 
 
 def _side_in(name: str) -> Side | None:
     """The side that a name tells; None if neither, or both."""
     name = name.lower()
-    is_right = "right" in name or name.startswith(("r_", "rleg")) or "_r_" in name
-    is_left = "left" in name or name.startswith(("l_", "lleg")) or "_l_" in name
+    is_right = "right" in name or name.startswith(("r_", "rleg")) or "_r_" in name or name.endswith("_r")
+    is_left = "left" in name or name.startswith(("l_", "lleg")) or "_l_" in name or name.endswith("_l")
     return None if is_left is is_right else Side.RIGHT if is_right else Side.LEFT
 
 

@@ -1,11 +1,12 @@
 """A scenario that was written for one robot, in the proportions of another one.
 
-    v' = v sqrt(h' / h)              speeds, with h the height of the CoM: the same Froude number v^2 / (g h)
+    v' = v sqrt(h' / h)              speeds, with h the height of the CoM in force: the same Froude number v^2 / (g h)
     t' = t T' / T                    times, with T the duration of a step: what came at a step comes at that step
     w' = w T / T'                    yaw rates: the same turn in a step
     p' = p m' / m sqrt(h' / h)       impulses: the same change of the Froude number
 
 A reference beyond the limits of the other robot becomes slower as a whole: its direction and its curvature stay.
+Parameters stay what they are, lengths like `cop_margin`, `swing_height` and `com_height` too.
 """
 
 import math
@@ -61,13 +62,13 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     scale = _scale(scenario, robot)
     events = [_event(f"events[{i}]", event, scale, robot) for i, event in enumerate(source.get("events") or [])]
     slowest = min((share for _, share in events), default=1.0)
-    told = f"Scaled to {robot.title}: speeds by {scale.speed:.2f} (Froude number), durations by {scale.time:.2f}"
-    told += "." if slowest == 1.0 else f"; its max_reference takes references down to {slowest:.2f} of that."
+    note = f"Scaled to {robot.title}: speeds by {scale.speed:.2f} (Froude number), durations by {scale.time:.2f}"
+    note += "." if slowest == 1.0 else f"; its max_reference takes references down to {slowest:.2f} of that."
     return scenario_from_mapping(
         dict(source)
         | {
             "name": f"{scenario.name}-{robot.name}",
-            "description": f"{scenario.description} {told}".strip(),
+            "description": f"{scenario.description} {note}".strip(),
             "robot": robot.source,
             "duration": round(scenario.duration * scale.time, DIGITS),
             "events": [event for event, _ in events],
@@ -78,7 +79,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
 def _scale(scenario: Scenario, robot: Robot) -> Scale:
     before, p = scenario.robot, robot.parameters.changed(scenario.source.get("parameters") or {})
-    speed = math.sqrt(robot.com_height / before.com_height)
+    speed = before.pendulum(scenario.parameters).omega / robot.pendulum(p).omega  # sqrt(g h) is g / omega
     time = p.step_duration / scenario.parameters.step_duration
     return Scale(speed, time, robot.mass / before.mass * speed)
 
@@ -98,10 +99,10 @@ def _event(where: str, event: Mapping[str, Any], scale: Scale, robot: Robot) -> 
 
 def _reference(reference: Mapping[str, float], scale: Scale, robot: Robot) -> tuple[dict[str, float], float]:
     factors = {"vx": scale.speed, "vy": scale.speed, "yaw_rate": 1.0 / scale.time}
-    wanted = {key: value * factors[key] for key, value in reference.items()}
-    limits = {key: robot.max_reference[key][value > 0.0] for key, value in wanted.items()}
-    share = min((limits[key] / value for key, value in wanted.items() if abs(value) > abs(limits[key])), default=1.0)
-    kept = {key: round(share * value, DIGITS) for key, value in wanted.items()}
+    unlimited = {key: value * factors[key] for key, value in reference.items()}
+    limits = {key: robot.max_reference[key][value > 0.0] for key, value in unlimited.items()}
+    share = min((limits[key] / value for key, value in unlimited.items() if abs(value) > abs(limits[key])), default=1.0)
+    kept = {key: round(share * value, DIGITS) for key, value in unlimited.items()}
     return {key: math.copysign(min(abs(value), abs(limits[key])), value) for key, value in kept.items()}, share
 
 
@@ -111,7 +112,9 @@ def _push(where: str, push: Mapping[str, Any], scale: Scale, robot: Robot) -> di
         raise InvalidValueError(f"{where}.push.link", push["link"], limit)
     strength = scale.impulse * math.hypot(*push["impulse"])
     factor = scale.impulse * (min(1.0, robot.max_push / strength) if strength > 0.0 else 1.0)
-    impulse = [math.trunc(factor * part * 1e4) / 1e4 for part in push["impulse"]]  # rounded up it might be too strong
+    impulse = [
+        math.trunc(factor * part * 10**DIGITS) / 10**DIGITS for part in push["impulse"]
+    ]  # rounded up it might be too strong
     duration = {"duration": push["duration"] * scale.time} if "duration" in push else {}
     return dict(push) | {"impulse": impulse} | duration
 
