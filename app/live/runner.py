@@ -213,8 +213,10 @@ class Runner:
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        self._command = NO_REFERENCE
-        return self._begin_anew(Control.reset)
+        response = self._begin_anew(Control.reset)
+        if not (response.done() and response.exception()):  # of a reset that is refused the reference stays
+            self._command = NO_REFERENCE
+        return response
 
     def set_speed(self, factor: float) -> Future[LiveState]:
         """Let simulated time pass `factor` times as fast as real time.
