@@ -164,9 +164,10 @@ def test_a_killed_control_process_is_reported_refuses_and_starts_again_where_it_
         mortal.push(Push([0.0, 1.0]))
     with pytest.raises(NoResponseError):
         mortal.drive(Reference(vx=0.1), "rest")
-    with pytest.raises(NoResponseError):
-        mortal.reset().result(PATIENCE)
-    assert mortal.active_driver == ("rest", ""), "the reset that was refused has dropped its reference"
+    for begin_anew in (mortal.reset, lambda: mortal.choose_plant("ideal"), lambda: mortal.begin({}, {})):
+        with pytest.raises(NoResponseError):
+            begin_anew().result(PATIENCE)
+        assert mortal.active_driver == ("rest", ""), "what was refused has dropped the reference"
     wait_for(lambda: mortal.trouble == "")
     state = mortal.latest
     assert mortal.process_id != killed and state.fault == "" and state.running and state.speed == 2.0

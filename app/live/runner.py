@@ -203,20 +203,15 @@ class Runner:
 
     def choose_plant(self, choice: PlantChoice) -> Future[Parameters]:
         """Begin anew with a plant; "auto" takes contact physics where this machine keeps up with it."""
-        self._command = NO_REFERENCE
         return self._begin_anew(Control.choose_plant, choice, convert=self._take_parameters)
 
     def begin(self, values: Mapping[str, Any], world: Mapping[str, Any]) -> Future[Parameters]:
         """Begin anew with some parameters changed, the plant among them, and in a changed world; fails as `change`."""
-        self._command = NO_REFERENCE
         return self._begin_anew(Control.begin, dict(values), dict(world), convert=self._take_parameters)
 
     def reset(self) -> Future[LiveState]:
         """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        response = self._begin_anew(Control.reset)
-        if not (response.done() and response.exception()):  # of a reset that is refused the reference stays
-            self._command = NO_REFERENCE
-        return response
+        return self._begin_anew(Control.reset)
 
     def set_speed(self, factor: float) -> Future[LiveState]:
         """Let simulated time pass `factor` times as fast as real time.
@@ -299,7 +294,6 @@ class Runner:
             InvalidValueError: if its reference or its push is beyond a limit.
         """
         self.check_fork(fork)
-        self._command = NO_REFERENCE
         return self._begin_anew(Control.fork, fork, segments, convert=self._take_parameters)
 
     def _take_parameters(self, parameters: Parameters) -> Parameters:
@@ -307,13 +301,15 @@ class Runner:
         return parameters
 
     def _begin_anew(self, method: Callable[..., Any], *arguments: Any, convert: Any = None) -> Future[Any]:
-        """Request what begins another walk, and sets the present one aside."""
+        """Request what begins another walk, which follows no reference yet, and sets the present one aside."""
 
         def note(done: Future[Any]) -> None:
             if self._is_started and not done.cancelled() and done.exception() is None:
                 self.is_first_walk = False
 
         response = self._request(method, *arguments, convert=convert)
+        if not (response.done() and response.exception()):  # where it is refused, the reference still holds
+            self._command = NO_REFERENCE
         response.add_done_callback(note)
         return response
 
