@@ -159,8 +159,8 @@ def draw_speeds(file: Path, walks: Sequence[WalkCells]) -> None:
             axes.plot(speeds, median, "o-", color=colour, markersize=3.5, label=f"{name}, median")
             axes.plot(speeds, worst, "o--", color=colour, markersize=2.5, linewidth=0.9, label=f"{name}, worst")
         components = {component for _, component in curves}
-        units = (f"reference [{' '.join(COMPONENTS[component][:2])}]" for component in sorted(components))
-        axes.set(xlabel=" or ".join(units), ylim=(0.0, None))
+        axis = (f"reference [{COMPONENTS[key].unit} {COMPONENTS[key].positive}]" for key in sorted(components))
+        axes.set(xlabel=" or ".join(axis), ylim=(0.0, None))
         axes.set_ylabel("largest push survived [N s]")
         axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2), ncols=2)
 

@@ -5,7 +5,7 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,12 +16,21 @@ from walkcore.analysis.sweep import Sweep
 from walkcore.scenario.scenario import Scenario
 from walkcore.values import Matrix
 
+
+class Component(NamedTuple):
+    """A component of a reference, in words."""
+
+    unit: str
+    positive: str
+    """Direction of positive values."""
+    negative: str
+
+
 COMPONENTS = {
-    "vx": ("m/s", "ahead", "back"),
-    "vy": ("m/s", "to the left", "to the right"),
-    "yaw_rate": ("rad/s", "to the left", "to the right"),
+    "vx": Component("m/s", "ahead", "back"),
+    "vy": Component("m/s", "to the left", "to the right"),
+    "yaw_rate": Component("rad/s", "to the left", "to the right"),
 }
-"""Components of a reference: unit, and what positive and negative ones are called."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
