@@ -40,7 +40,7 @@ from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.qp import QP, InteriorPointSolver, Solver
 from walkcore.mpc.regions import polygon
-from walkcore.mpc.stance import Side, convex_hull, mirrored
+from walkcore.mpc.stance import Side, convex_hull, sole_outline
 from walkcore.robot import Robot
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector, rotation
@@ -190,9 +190,9 @@ class _Ground:
         landing = [side.other if k % 2 == 0 else side for k in range(NB_STEPS)]
         shortest = StepTiming(double_support, steps.durations[0] - double_support, omega)
         viable = viable_vertices(robot.sole, 0.0, robot.foothold_region, shortest, double_support)[landing[-1]][-1]
-        both = convex_hull(np.vstack([_sole(robot, side), self._swing + _sole(robot, side.other)]))
-        soles = {SUPPORT: _sole(robot, side), BOTH: both}
-        soles |= {k + 1: _sole(robot, foot) for k, foot in enumerate(landing)}
+        outlines = {foot: sole_outline(foot, robot.sole) for foot in Side}
+        both = convex_hull(np.vstack([outlines[side], self._swing + outlines[side.other]]))
+        soles = {SUPPORT: outlines[side], BOTH: both} | {k + 1: outlines[foot] for k, foot in enumerate(landing)}
         regions = [robot.foothold_region_at(0.0, foot) for foot in landing]
         self._regions = [_half_planes(region) for region in regions]
         shapes = [*regions[:2], viable, *(soles[foot] for foot in (SUPPORT, BOTH, 1))]
@@ -324,7 +324,3 @@ def _first_steps(snapshot: Snapshot, T: float, steps: StepClass) -> Iterator[tup
     times = np.append(np.arange(again, soonest, -TOUCHDOWNS), min(soonest, total)) if steps.is_adaptive else [total]
     for time in times:
         yield waiting, float(time) - waiting
-
-
-def _sole(robot: Robot, side: Side) -> Matrix:
-    return robot.sole if side is Side.LEFT else mirrored(robot.sole)

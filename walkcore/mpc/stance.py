@@ -80,8 +80,17 @@ def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
         sole: outline of the left sole in its own frame; the right one is its mirror image.
         foot: where it stands.
     """
-    outline = sole if foot.side is Side.LEFT else mirrored(sole)
-    return foot.position + outline @ rotation(foot.yaw).T
+    return foot.position + sole_outline(foot.side, sole) @ rotation(foot.yaw).T
+
+
+def sole_outline(side: Side, sole: Matrix) -> Matrix:
+    """Outline of the sole of a side in its own frame, shape (V, 2) [m].
+
+    Args:
+        side: of the foot.
+        sole: outline of the left sole; the right one is its mirror image.
+    """
+    return sole if side is Side.LEFT else mirrored(sole)
 
 
 def mirrored(vertices: Matrix) -> Matrix:
