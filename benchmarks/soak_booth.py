@@ -41,7 +41,7 @@ class SoakBooth:
 
 @dataclass
 class Seen:
-    """What happened at the booth since the start."""
+    """Counts of visits, pushes and falls since the start, and errors."""
 
     visits: int = 0
     turns: int = 0

@@ -437,7 +437,7 @@ def as_a_camera_sees(picture: Image.Image) -> Image.Image:
 
 
 def codes(picture: Image.Image) -> list[str]:
-    """What the codes in a picture say to a phone."""
+    """Texts of the QR codes in a picture."""
     return [code.text for code in zxingcpp.read_barcodes(picture)]
 
 

@@ -3,12 +3,14 @@
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from test_synthetic_biped import biped, link
 
 from walkcore.errors import InvalidValueError
 from walkcore.robot_file import robot_from_mapping
 from walkcore.robot_import.findings import findings
+from walkcore.robot_import.legs import find_legs
 from walkcore.robot_import.measure import measure, robot_mapping
 
 BIPED = biped(1.0)
@@ -135,6 +137,18 @@ def test_feet_and_torso_that_cannot_be_those_are_refused(feet, torso, field, sai
     with pytest.raises(InvalidValueError, match=said) as refusal:
         measure(tmp_path / "mine.urdf", tmp_path, feet, torso)
     assert refusal.value.field == field and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("at_left", "at_right"),
+    [("ankle_r", "ankle"), ("ankle", "ankle_l"), ("right_ankle", "ankle"), ("ankle", "left_ankle")],
+)
+def test_legs_are_told_apart_by_the_name_of_one_ankle_wherever_it_is(at_left, at_right, tmp_path):
+    text = BIPED.replace('joint name="left_ankle_roll"', f'joint name="{at_left}"')
+    text = text.replace('joint name="right_ankle_roll"', f'joint name="{at_right}"')
+    (tmp_path / "mine.urdf").write_text(text, encoding="utf-8")
+    model = pin.buildModelFromUrdf(str(tmp_path / "mine.urdf"), pin.JointModelFreeFlyer())
+    assert [model.names[leg.foot] for leg in find_legs(model)] == [at_right, at_left]
 
 
 def test_feet_that_are_named_the_wrong_way_round_are_known_by_their_toes(tmp_path):

@@ -54,6 +54,12 @@ def test_speeds_keep_their_froude_number_and_times_their_step():
     assert shove["push"]["duration"] == pytest.approx(0.4 * shorter)
 
 
+def test_robots_that_walk_at_the_same_height_walk_at_the_same_speed():
+    walk = scenario_for("talos", {"t": 1.0, "reference": {"vx": 0.12}}, parameters={"com_height": 0.7})
+    (event,) = scaled(walk, load_robot("g1")).source["events"]
+    assert event["reference"]["vx"] == pytest.approx(0.12, abs=1e-4)
+
+
 def test_a_reference_beyond_the_limits_of_the_robot_keeps_its_direction_and_its_curvature():
     romeo = load_robot("romeo")
     (event,) = scaled(

@@ -125,7 +125,7 @@ def foot_geometry(model: pin.Model, urdf: Path, packages: Path, legs: Iterable[L
 
 
 def _remedy(address: str) -> str:
-    """What to do about the address of a mesh that cannot be read."""
+    """Advice about the address of a mesh that cannot be read."""
     scheme, mark, path = address.partition("://")
     package, _, _ = path.partition("/")
     if mark and scheme in ("package", "model") and package:

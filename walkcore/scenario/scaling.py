@@ -120,7 +120,7 @@ def _push(where: str, push: Mapping[str, Any], scale: Scale, robot: Robot) -> di
 
 
 def _expectations(scenario: Scenario, robot: Robot) -> dict[str, float | bool]:
-    """What the walk of the other robot has to keep; of a walk that is to fall, only that."""
+    """Expectations of the other robot's walk: its promises and the counts; that it falls, where that is expected."""
     expected: Mapping[str, float | bool] = scenario.source.get("expect") or {}
     if expected.get("not_fallen") is False:
         return {"not_fallen": False}
