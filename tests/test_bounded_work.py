@@ -20,7 +20,7 @@ from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
 from app.runs import Run, RunLimits, Runs
 from app.runs.run import RunProgress
 from app.runs.runs import MAX_SAVES
-from app.work import RunsUnavailableError, UnknownRunError
+from app.work import UnknownWorkError, WorkUnavailableError
 from walkcore import Parameters, load_robot
 
 HRP2 = load_robot("hrp2")
@@ -86,7 +86,7 @@ def test_so_many_walks_are_saved_at_once_and_no_more(runs):
     with ExitStack() as places:
         for _ in range(MAX_SAVES):
             places.enter_context(runs.sessions.place())
-        with pytest.raises(RunsUnavailableError, match="being saved"), runs.sessions.place():
+        with pytest.raises(WorkUnavailableError, match="being saved"), runs.sessions.place():
             pass
     with runs.sessions.place():
         pass
@@ -108,7 +108,7 @@ class Lookups:
     def get(self, run_id: str) -> Run:
         self.counts[run_id] += 1
         if run_id not in self.runs:
-            raise UnknownRunError(run_id)
+            raise UnknownWorkError(run_id)
         return self.runs[run_id]
 
 
@@ -157,7 +157,7 @@ def test_so_many_streams_are_open_and_no_more(lookups):
         streams = [followed.summaries(lookups.runs["a"]) for _ in range(MAX_STREAMS)]
         for stream in streams:
             await anext(stream)
-        with pytest.raises(RunsUnavailableError):
+        with pytest.raises(WorkUnavailableError):
             followed.check_room()
         for stream in streams:
             await stream.aclose()

@@ -22,7 +22,7 @@ from app.runs import RunLimits, Runs
 from app.runs.database import ROW_BROKEN
 from app.runs.recovery import FILES_GONE, SERVER_DIED
 from app.runs.store import RunStore
-from app.work import RunsUnavailableError, UnknownRunError
+from app.work import UnknownWorkError, WorkUnavailableError
 from walkcore import Command, Simulation, load_robot
 from walkcore.scenario.recording import Recording, record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -63,7 +63,7 @@ def state_of(runs: Runs) -> dict[str, tuple[str, str]]:
 def test_a_full_disk_takes_no_run_says_so_and_takes_them_again(tmp_path):
     with opened(tmp_path) as runs:
         with full_disk():
-            with pytest.raises(RunsUnavailableError, match="disk is full"):
+            with pytest.raises(WorkUnavailableError, match="disk is full"):
                 runs.submit(SHORT)
             assert runs.list() == [] and "disk is full" in runs.problem
         run = runs.submit(SHORT)
@@ -88,7 +88,7 @@ def test_changes_that_a_full_disk_does_not_take_hold_and_are_written_later(tmp_p
 def test_a_disk_that_took_no_run_is_tried_again_without_another_request(tmp_path):
     with opened(tmp_path) as runs:
         runs.start()
-        with full_disk(), pytest.raises(RunsUnavailableError):
+        with full_disk(), pytest.raises(WorkUnavailableError):
             runs.submit(SHORT)
         wait_for(lambda: runs.problem == "")
 
@@ -97,7 +97,7 @@ def test_trouble_of_a_queue_that_has_nothing_to_do_is_over_when_the_disk_takes_m
     with opened(tmp_path) as runs:
         runs.start()
         time.sleep(0.1)  # until the queue waits
-        with full_disk(), pytest.raises(RunsUnavailableError):
+        with full_disk(), pytest.raises(WorkUnavailableError):
             runs.store.add(SHORT, "hrp2", 2.0)
         wait_for(lambda: runs.problem == "")
 
@@ -148,7 +148,7 @@ def test_a_queue_whose_processes_cannot_start_goes_on(tmp_path, monkeypatch):
         assert runs.get(following.id).status == "done"
         with monkeypatch.context() as patch:
             patch.setattr("app.jobs.JobProcess", no_process)
-            with pytest.raises(RunsUnavailableError, match="unavailable"):
+            with pytest.raises(WorkUnavailableError, match="unavailable"):
                 runs.file(following.id, "recording.parquet")
         assert runs.file(following.id, "recording.parquet").is_file()
 
@@ -166,7 +166,7 @@ def test_a_live_walk_that_the_disk_does_not_take_is_refused_and_is_no_run_under_
     with opened(tmp_path) as runs:
         with monkeypatch.context() as patch:
             patch.setattr(fails, no_space)
-            with pytest.raises(RunsUnavailableError, match="No space left"):
+            with pytest.raises(WorkUnavailableError, match="No space left"):
                 runs.add_session(log.segments(False), "driven", simulation.robot)
         assert all(run.status == "failed" and "No space left" in run.reason for run in runs.list())
         assert runs.add_session(log.segments(False), "driven", simulation.robot).status == "done"
@@ -229,7 +229,7 @@ def test_a_read_only_disk_shows_its_runs_and_takes_new_ones_once_it_can_be_writt
         with opened(disk / "data") as runs:
             assert state_of(runs) == {done: ("done", "")} and "Read-only" in runs.problem
             for change in (lambda: runs.submit(SHORT), lambda: runs.delete(done)):
-                with pytest.raises(RunsUnavailableError, match="Read-only"):
+                with pytest.raises(WorkUnavailableError, match="Read-only"):
                     change()
             assert runs.file(done, "recording.csv").read_bytes()
             subprocess.run(["mount", "-o", "remount,rw", disk], check=True)
@@ -242,7 +242,7 @@ def test_a_folder_that_cannot_be_made_is_told_and_tried_again(tmp_path):
     in_the_way.write_text("no folder")
     with opened(in_the_way / "data") as runs:
         assert str(in_the_way) in runs.problem and runs.list() == []
-        with pytest.raises(RunsUnavailableError):
+        with pytest.raises(WorkUnavailableError):
             runs.submit(SHORT)
         in_the_way.unlink()
         run = runs.submit(SHORT)
@@ -388,7 +388,7 @@ class DiskTrouble(RuleBasedStateMachine):
     def add(self) -> str:
         try:
             run_id = self.store.add(SHORT, "hrp2", 2.0).id
-        except RunsUnavailableError:
+        except WorkUnavailableError:
             assert self.patch is not None
             return ""
         self.status[run_id] = "queued"
@@ -459,7 +459,7 @@ class DiskTrouble(RuleBasedStateMachine):
         assert {run_id: run.status for run_id, run in known.items()} == self.status
         assert all((self.store.files(run_id) / "run.json").is_file() for run_id, run in known.items() if run.size)
         for run_id in self.removed - set(known):
-            with pytest.raises(UnknownRunError):
+            with pytest.raises(UnknownWorkError):
                 self.store.get(run_id)
 
 

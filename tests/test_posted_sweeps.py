@@ -10,12 +10,13 @@ import pytest
 from conftest import Server, serving, wait_for
 from playwright.sync_api import expect
 
+from app.jobs import JobProcess
 from app.robot_choices import RobotChoices
 from app.sweeps.cells import CellStore, cells_table
 from app.sweeps.engine import sweep_versions
 from app.sweeps.posted_sweep import STATE, PostedSweepStore, WalkSweep
 from app.sweeps.posted_sweeps import PostedSweeps, SweepLimits, admitted_sweep
-from app.work import NoRecordingError, RunsUnavailableError
+from app.work import NoFileError, WorkQueue, WorkUnavailableError, queue
 from walkcore.analysis.cell_outcome import outcome
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import InvalidValueError, UnknownNameError
@@ -113,12 +114,12 @@ def sweeps(tmp_path) -> Iterator[PostedSweeps]:
 
 def test_so_many_sweeps_wait_and_no_more_until_one_is_cancelled(sweeps):
     first, _ = sweeps.submit(SMALL), sweeps.submit(SMALL)
-    with pytest.raises(RunsUnavailableError, match="2 sweeps wait already"):
+    with pytest.raises(WorkUnavailableError, match="2 sweeps wait already"):
         sweeps.submit(SMALL)
     sweeps.delete(first.id)
     assert sweeps.get(first.id).status == "cancelled"
     sweeps.submit(SMALL)
-    with pytest.raises(NoRecordingError):
+    with pytest.raises(NoFileError):
         sweeps.file(sweeps.get(first.id), "cells.parquet")
 
 
@@ -185,3 +186,28 @@ def test_the_oldest_ended_sweeps_go_first_and_what_is_broken_goes_at_once(tmp_pa
     (tmp_path / ids[1] / STATE).write_text("{")
     assert [sweep.id for sweep in PostedSweepStore(tmp_path).list()] == [ids[2]]
     assert not (tmp_path / ids[1]).exists()
+
+
+@pytest.mark.parametrize("broken", [{"size": None}, {"size": "3"}, {"status": "paused"}])
+def test_a_state_that_would_end_the_queue_or_wait_for_ever_is_none(broken, tmp_path):
+    sweep_id = PostedSweepStore(tmp_path).add(SMALL, 4).id
+    state = json.loads((tmp_path / sweep_id / STATE).read_text())
+    (tmp_path / sweep_id / STATE).write_text(json.dumps(state | broken))
+    assert PostedSweepStore(tmp_path).list() == []
+
+
+def test_a_sweep_that_is_cancelled_before_its_process_is_there_leaves_no_results(tmp_path, monkeypatch):
+    store = PostedSweepStore(tmp_path)
+    sweep_id = store.add(SMALL, 4).id
+    store.results(sweep_id).mkdir()  # as an earlier server has left them
+
+    def process(*arguments):
+        store.cancel(sweep_id)
+        return JobProcess(*arguments)
+
+    monkeypatch.setattr(queue, "JobProcess", process)
+    sweeps = WorkQueue(store, 1, nb_queued=4, nb_kept=4)
+    sweeps.start()
+    wait_for(lambda: not store.results(sweep_id).exists())
+    sweeps.stop()
+    assert store.get(sweep_id).status == "cancelled"

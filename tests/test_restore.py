@@ -14,7 +14,7 @@ from app.live.fork import Fork
 from app.live.session_log import Session
 from app.runs import restore
 from app.runs.restore import Restore
-from app.work import RunsUnavailableError
+from app.work import WorkUnavailableError
 from app.work.awaited_jobs import AwaitedJobs
 from walkcore import Parameters, Robot
 from walkcore.errors import InvalidValueError
@@ -128,10 +128,10 @@ def test_a_machine_without_room_for_a_process_or_a_file_is_told_and_the_next_tic
     jobs = AwaitedJobs(1, "another tick of a run is being restored")
     with monkeypatch.context() as patch:
         patch.setattr(fails, no_room)
-        with pytest.raises(RunsUnavailableError, match="No space left"), restore.restored(jobs, tmp_path, 60):
+        with pytest.raises(WorkUnavailableError, match="No space left"), restore.restored(jobs, tmp_path, 60):
             pass
     with restore.restored(jobs, tmp_path, 60) as segments:
         assert segments.is_file()
     jobs.stop()
-    with pytest.raises(RunsUnavailableError, match="the server stops"), restore.restored(jobs, tmp_path, 60):
+    with pytest.raises(WorkUnavailableError, match="the server stops"), restore.restored(jobs, tmp_path, 60):
         pass

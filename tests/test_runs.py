@@ -23,7 +23,7 @@ from app.runs import RunLimits, Runs
 from app.runs.admission import admitted_scenario
 from app.runs.recovery import SERVER_DIED
 from app.runs.store import RunStore
-from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
+from app.work import NoFileError, UnknownWorkError, WorkUnavailableError
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
@@ -269,7 +269,7 @@ def test_runs_survive_a_server_that_is_killed(tmp_path):
 def test_a_scenario_that_cannot_be_walked_fails_with_its_reason(started):
     run = ended(started.get, started.submit({"duration": 1.0, "parameters": {"com_height": 1.9}}).id)
     assert run.status == "failed" and run.reason and run.size == 0
-    with pytest.raises(NoRecordingError, match="failed"):
+    with pytest.raises(NoFileError, match="failed"):
         started.file(run.id, "run.json")
 
 
@@ -303,7 +303,7 @@ def test_a_worker_that_dies_fails_its_run_and_the_next_gets_another(started):
 
 def test_the_queue_is_bounded(runs):
     ids = [runs.submit(SHORT).id for _ in range(5)]
-    with pytest.raises(RunsUnavailableError, match="5 runs wait"):
+    with pytest.raises(WorkUnavailableError, match="5 runs wait"):
         runs.submit(SHORT)
     assert runs.delete(ids[1]).status == "queued" and runs.get(ids[1]).status == "cancelled"
     runs.submit(SHORT)
@@ -314,7 +314,7 @@ def test_more_ended_runs_than_are_kept_push_out_the_oldest(tmp_path):
     runs.start()
     first, second = runs.submit(SHORT).id, runs.submit(SHORT).id
     wait_for(lambda: [run.id for run in runs.list() if run.has_ended] == [second], PATIENCE)
-    with pytest.raises(UnknownRunError):
+    with pytest.raises(UnknownWorkError):
         runs.get(first)
     runs.stop()
 

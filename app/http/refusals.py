@@ -15,7 +15,7 @@ from app.http.schemas import ErrorBody, FieldError
 from app.live.control import NothingToSaveError, NotPausedError
 from app.live.driver_lease import LeaseHeldError
 from app.live.messages import NoResponseError
-from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
+from app.work import NoFileError, UnknownWorkError, WorkUnavailableError
 from walkcore.errors import InvalidValueError, WalkError
 
 MAX_ERRORS = 20  # of one body that are reported
@@ -40,11 +40,11 @@ STATUS: Mapping[type[Exception], int] = {
     WalkError: 422,
     NotPausedError: 409,
     NothingToSaveError: 409,
-    NoRecordingError: 409,
+    NoFileError: 409,
     LeaseHeldError: 409,
-    UnknownRunError: 404,
+    UnknownWorkError: 404,
     NoResponseError: 503,
-    RunsUnavailableError: 503,
+    WorkUnavailableError: 503,
 }
 """Status by which each error of ours is refused."""
 
@@ -129,5 +129,5 @@ async def _refuse_value(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _refuse(status: int, _: Request, error: Exception) -> JSONResponse:
-    headers = {"Retry-After": str(error.RETRY_AFTER)} if isinstance(error, RunsUnavailableError) else None
+    headers = {"Retry-After": str(error.RETRY_AFTER)} if isinstance(error, WorkUnavailableError) else None
     return _response(status, _readable(str(error), MAX_LIMIT), headers=headers)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from app.http.run_schemas import WorkSummary
-from app.work import ENDED, RunsUnavailableError, UnknownRunError
+from app.work import ENDED, UnknownWorkError, WorkUnavailableError
 
 PERIOD = 0.2  # [s] between looks
 MAX_STREAMS = 200  # open at once
@@ -33,7 +33,7 @@ class FollowedRuns(Generic[Summary]):
         """Follow none yet.
 
         Args:
-            look_up: gives the present summary of an id; raises `UnknownRunError` if there is none.
+            look_up: gives the present summary of an id; raises `UnknownWorkError` if there is none.
         """
         self._summary = look_up
         self._followed: dict[str, _Followed[Summary]] = {}
@@ -44,10 +44,10 @@ class FollowedRuns(Generic[Summary]):
         """Refuse one stream more than there may be.
 
         Raises:
-            RunsUnavailableError: if there are so many.
+            WorkUnavailableError: if there are so many.
         """
         if self._nb_streams >= MAX_STREAMS:
-            raise RunsUnavailableError(f"{MAX_STREAMS} streams of events are open")
+            raise WorkUnavailableError(f"{MAX_STREAMS} streams of events are open")
 
     async def summaries(self, first: Summary) -> AsyncIterator[Summary]:
         """The state of a run, now and at each change, until it has ended or is gone.
@@ -88,6 +88,6 @@ class FollowedRuns(Generic[Summary]):
     def _look_up(self, run_ids: list[str]) -> dict[str, Summary | None]:
         found: dict[str, Summary | None] = dict.fromkeys(run_ids)
         for run_id in run_ids:
-            with suppress(UnknownRunError):
+            with suppress(UnknownWorkError):
                 found[run_id] = self._summary(run_id)
         return found

@@ -10,7 +10,7 @@ from fastapi import Path as InPath
 from app.http.lesson_schemas import LessonBody, LessonOutcome, lesson_body, lesson_outcome
 from app.http.schemas import ErrorBody
 from app.routes.dependencies import AllRuns, LessonFolder
-from app.work import NoRecordingError
+from app.work import NoFileError
 from walkcore.errors import InvalidValueError, WalkError
 from walkcore.scenario.lesson import MAX_WALKS, Lesson, lesson_files, read_lesson
 
@@ -54,7 +54,7 @@ def outcome(name: Name, run: RunIds, runs: AllRuns, folder: LessonFolder) -> Les
         if done.source != scenario.source:
             raise InvalidValueError("run", run_id, f"must be a run of the walk {walk}, as the lesson has it")
         if done.metrics is None:
-            raise NoRecordingError(f"run {run_id} is {done.status}: it has no metrics")
+            raise NoFileError(f"run {run_id} is {done.status}: it has no metrics")
         metrics[walk] = done.metrics
     return lesson_outcome(lesson, metrics)
 

@@ -24,7 +24,7 @@ from app.routes.scripted_runs import NO_RECORDING
 from app.runs import Runs
 from app.runs.restore import restored
 from app.viewer import PastLook, TooManyLooksError
-from app.work import NoRecordingError, RunsUnavailableError, UnknownRunError
+from app.work import NoFileError, UnknownWorkError, WorkUnavailableError
 from walkcore.errors import WalkError
 from walkcore.values import MAX_TICK
 
@@ -145,7 +145,7 @@ async def _look(text: str, socket: WebSocket, runner: LiveRunner, source: _Sourc
         snapshot, parameters, world = await source.ticks.at(message.tick)
     except ValidationError as error:
         await socket.send_json({"error": summary(field_errors(error.errors()))})
-    except (WalkError, NoResponseError, UnknownRunError, NoRecordingError, RunsUnavailableError) as error:
+    except (WalkError, NoResponseError, UnknownWorkError, NoFileError, WorkUnavailableError) as error:
         await socket.send_json({"error": str(error)})
     else:
         shown.show(snapshot, parameters, world)

@@ -20,7 +20,7 @@ from app.jobs import ProcessDiedError, Report
 from app.live.session_log import PackedSegment, SessionLog, write_packed
 from app.runs.upload import HAS_SCENARIO, WITHOUT_SCENARIO, limit_this_process
 from app.work.awaited_jobs import AwaitedJobs
-from app.work.work import RunsUnavailableError
+from app.work.work import WorkUnavailableError
 from walkcore import Simulation, Snapshot
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import joint_columns, plant_columns, row
@@ -124,25 +124,25 @@ def restored(jobs: AwaitedJobs, folder: Path, tick: int) -> Iterator[Path]:
 
     Raises:
         InvalidValueError: if it cannot be restored exactly.
-        RunsUnavailableError: if another tick is being restored, the server stops, or there is no room for it.
+        WorkUnavailableError: if another tick is being restored, the server stops, or there is no room for it.
     """
-    with jobs.place(), _place_for_segments() as place:
-        segments = Path(place) / "segments"
+    with jobs.place(), _segment_folder() as segment_folder:
+        segments = Path(segment_folder) / "segments"
         try:
             jobs.run(Restore(folder, tick, segments))
         except ProcessDiedError as error:
             limit = f"must be restored within {PROCESSOR_TIME} s of processor time ({error})"
             raise InvalidValueError("tick", tick, limit) from error
         except OSError as error:
-            raise RunsUnavailableError(f"the tick cannot be restored: {error}") from error
+            raise WorkUnavailableError(f"the tick cannot be restored: {error}") from error
         yield segments
 
 
-def _place_for_segments() -> "tempfile.TemporaryDirectory[str]":
+def _segment_folder() -> "tempfile.TemporaryDirectory[str]":
     try:
         return tempfile.TemporaryDirectory(prefix="walk-restored-")
     except OSError as error:
-        raise RunsUnavailableError(f"the tick cannot be restored: {error}") from error
+        raise WorkUnavailableError(f"the tick cannot be restored: {error}") from error
 
 
 def why_not(run: Mapping[str, object]) -> str:

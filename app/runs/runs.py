@@ -18,7 +18,7 @@ from app.runs.run import Run
 from app.runs.run_jobs import WriteSession, WrittenRun, convert
 from app.runs.store import DataInUseError, RunStore
 from app.runs.upload import PROCESSOR_TIME, TakeUpload, UploadLimits
-from app.work import NoRecordingError, RunsUnavailableError, WorkQueue
+from app.work import NoFileError, WorkQueue, WorkUnavailableError
 from app.work.awaited_jobs import AwaitedJobs
 from app.work.queue import NICENESS, failure
 from walkcore import Robot
@@ -105,7 +105,7 @@ class Runs(WorkQueue[Run]):
 
         Raises:
             InvalidValueError: if it is no scenario, or beyond a limit.
-            RunsUnavailableError: if too many wait already, or the disk takes no more.
+            WorkUnavailableError: if too many wait already, or the disk takes no more.
         """
         admitted = admitted_scenario(scenario, self.limits, self._choices)
         return self._take_in(lambda: self.store.add(admitted.source, admitted.robot.name, admitted.duration))
@@ -115,13 +115,13 @@ class Runs(WorkQueue[Run]):
         """An empty folder for a run's files, which is thrown away at the end unless the run was kept.
 
         Raises:
-            RunsUnavailableError: if the disk does not take what is written into it.
+            WorkUnavailableError: if the disk does not take what is written into it.
         """
         draft_id = uuid4().hex
         try:
             yield self.store.unfinished(draft_id)
         except OSError as error:
-            raise RunsUnavailableError(f"the walk cannot be kept: {error}") from error
+            raise WorkUnavailableError(f"the walk cannot be kept: {error}") from error
         finally:
             self.store.discard(draft_id)
 
@@ -134,7 +134,7 @@ class Runs(WorkQueue[Run]):
             robot: that walked.
 
         Raises:
-            RunsUnavailableError: if the server stops, or the disk does not take the files.
+            WorkUnavailableError: if the server stops, or the disk does not take the files.
         """
         with self.draft() as draft:  # the server never holds what has tens of megabytes: the process reads it there
             write_segments(segments, draft / SEGMENTS)
@@ -150,7 +150,7 @@ class Runs(WorkQueue[Run]):
 
         Raises:
             InvalidValueError: if it is no recording, or beyond a limit.
-            RunsUnavailableError: if the server stops, or the disk does not take the files.
+            WorkUnavailableError: if the server stops, or the disk does not take the files.
         """
         job = TakeUpload(file, name, robot, self._choices or RobotChoices(), self.upload_limits)
         try:
@@ -171,11 +171,10 @@ class Runs(WorkQueue[Run]):
         run = self.store.add(written.scenario, written.robot, written.duration, status="running")
         try:
             draft.replace(self.store.unfinished(run.id))  # which is empty
-            self.store.finish(run.id, None)
+            kept = self.store.finish(run.id, None) or self.store.get(run.id)
         except Exception as error:  # it is in the list already
             self.store.fail(run.id, f"could not be kept: {error}")
             raise
-        kept = self.store.get(run.id)  # before it may be one of those that are too many
         self._trim()
         return kept
 
@@ -183,9 +182,9 @@ class Runs(WorkQueue[Run]):
         """A file of a run that was simulated to its end: run.json, or a recording, made now if need be.
 
         Raises:
-            UnknownRunError: if there is no such run.
-            NoRecordingError: if the run has no files, or none of that name.
-            RunsUnavailableError: if too many are being made.
+            UnknownWorkError: if there is no such run.
+            NoFileError: if the run has no files, or none of that name.
+            WorkUnavailableError: if too many are being made.
         """
         run = self.store.get(run_id)
         path = self.store.files(run.id) / name
@@ -196,17 +195,17 @@ class Runs(WorkQueue[Run]):
                     self._convert(path, ending)
                     self.store.measure(run.id)
         if not path.is_file():
-            raise NoRecordingError(f"run {run_id} is {run.status}: it has no {name}")
+            raise NoFileError(f"run {run_id} is {run.status}: it has no {name}")
         return path
 
     def _convert(self, path: Path, ending: str) -> None:
         """Convert in a process: drawing and packing take memory, and are seldom requested."""
         try:
             self._conversions.run(partial(convert, path.parent, ending))
-        except RunsUnavailableError:
+        except WorkUnavailableError:
             raise
         except Exception as error:
-            raise NoRecordingError(f"the recording cannot be written as {ending}: {failure(error)}") from error
+            raise NoFileError(f"the recording cannot be written as {ending}: {failure(error)}") from error
 
     def _open(self, folder: Path) -> RunStore:
         try:

@@ -26,7 +26,7 @@ from app.runs.database import RunDatabase, is_broken
 from app.runs.recovery import corrected, folder_size, outcome
 from app.runs.run import Run, RunProgress
 from app.runs.run_jobs import Simulate, SimulationResult
-from app.work import RunsUnavailableError, WorkStatus, WorkStore
+from app.work import WorkStatus, WorkStore, WorkUnavailableError
 
 logger = logging.getLogger(__name__)
 
@@ -92,14 +92,14 @@ class RunStore(WorkStore[Run]):
             status: to begin with.
 
         Raises:
-            RunsUnavailableError: if it cannot be written.
+            WorkUnavailableError: if it cannot be written.
         """
         run = Run(id=uuid4().hex, source=scenario, robot=robot, duration=duration, status=status, created=time.time())
         with self._lock:
             self._put(run)
             if run.id in self._unwritten:
                 del self._unwritten[run.id], self._works[run.id]
-                raise RunsUnavailableError(f"the run cannot be kept: {self._error}")
+                raise WorkUnavailableError(f"the run cannot be kept: {self._error}")
             return run
 
     def has_work(self) -> bool:
@@ -126,7 +126,7 @@ class RunStore(WorkStore[Run]):
         """
         return Simulate(self.get(work_id).source, self.unfinished(work_id))
 
-    def keep(self, work_id: str, result: SimulationResult) -> bool:
+    def keep(self, work_id: str, result: SimulationResult) -> Run | None:
         """Keep the files of a run that was simulated; see `finish`."""
         return self.finish(work_id, result.real_time_factor)
 
@@ -141,39 +141,38 @@ class RunStore(WorkStore[Run]):
         folder.mkdir(parents=True)
         return folder
 
-    def finish(self, run_id: str, real_time_factor: float | None) -> bool:
+    def finish(self, run_id: str, real_time_factor: float | None) -> Run | None:
         """Keep the files of a run that was under way: done, or failed where it breaks what its scenario expects.
 
         Returns:
-            False, and nothing is kept, where it was cancelled meanwhile.
+            The run as it is kept; None, and nothing is kept, where it was cancelled meanwhile.
 
         Raises:
             OSError: if the files are not there in full.
         """
         folder = self._unfinished / run_id
-        told = outcome(folder)
+        verdict = outcome(folder)
         size = sum(_sync(file) for file in folder.iterdir())
         with self._lock:
             run = self._running(run_id)
             if run is None:
                 self.discard(run_id)
-                return False
+                return None
             folder.rename(self._done / run_id)
             progress = RunProgress(1.0, real_time_factor)
-            self._put(replace(run, ended=time.time(), progress=progress, size=size, **told))
-            return True
+            return self._put(replace(run, ended=time.time(), progress=progress, size=size, **verdict))
 
     def remove(self, work_id: str) -> None:
         """Forget a run that has ended, files and all; the files go first, which frees the space that the rest takes.
 
         Raises:
-            RunsUnavailableError: if its files cannot be removed.
+            WorkUnavailableError: if its files cannot be removed.
         """
         with self._lock:
             try:
                 (self._done / work_id / "run.json").unlink(missing_ok=True)
             except OSError as error:
-                raise RunsUnavailableError(f"the files of the run cannot be removed: {error}") from error
+                raise WorkUnavailableError(f"the files of the run cannot be removed: {error}") from error
             shutil.rmtree(self._done / work_id, ignore_errors=True)
             self._works.pop(work_id, None)
             self._unwritten[work_id] = None

@@ -22,7 +22,7 @@ from app.jobs import Report
 from app.sweeps.cells import CellStore, read_json, write_whole
 from app.sweeps.engine import SweepProgress, run_sweep, sweep_versions
 from app.sweeps.results import write_results
-from app.work import RunsUnavailableError, Work, WorkStatus, WorkStore
+from app.work import Work, WorkStatus, WorkStore, WorkUnavailableError
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import WalkError
 
@@ -80,7 +80,7 @@ class PostedSweepStore(WorkStore[PostedSweep]):
         """Take in a sweep, under a new id.
 
         Raises:
-            RunsUnavailableError: if it cannot be written.
+            WorkUnavailableError: if it cannot be written.
         """
         progress = SweepProgress(0, nb_cells, None)
         sweep = PostedSweep(id=uuid4().hex, source=source, created=time.time(), progress=progress)
@@ -90,7 +90,7 @@ class PostedSweepStore(WorkStore[PostedSweep]):
                 self._write(sweep)
             except OSError as error:
                 shutil.rmtree(self._folder / sweep.id, ignore_errors=True)
-                raise RunsUnavailableError(f"the sweep cannot be kept: {error}") from error
+                raise WorkUnavailableError(f"the sweep cannot be kept: {error}") from error
             self._works[sweep.id] = sweep
         return sweep
 
@@ -117,13 +117,13 @@ class PostedSweepStore(WorkStore[PostedSweep]):
         """Forget a sweep that has ended, files and all.
 
         Raises:
-            RunsUnavailableError: if its files cannot be removed.
+            WorkUnavailableError: if its files cannot be removed.
         """
         with self._lock:
             try:
                 (self._folder / work_id / STATE).unlink(missing_ok=True)
             except OSError as error:
-                raise RunsUnavailableError(f"the sweep cannot be removed: {error}") from error
+                raise WorkUnavailableError(f"the sweep cannot be removed: {error}") from error
             shutil.rmtree(self._folder / work_id, ignore_errors=True)
             self._works.pop(work_id, None)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from app.robot_choices import RobotChoices
 from app.sweeps.posted_sweep import PostedSweep, PostedSweepStore
-from app.work import NoRecordingError, WorkQueue
+from app.work import NoFileError, WorkQueue
 from walkcore.analysis.survival import OBSERVED, STEADY
 from walkcore.analysis.sweep import Sweep, sweep_from_mapping
 from walkcore.errors import InvalidValueError
@@ -54,7 +54,7 @@ class PostedSweeps(WorkQueue[PostedSweep]):
 
         Raises:
             InvalidValueError: if it is no sweep, or beyond a limit.
-            RunsUnavailableError: if too many wait already, or the disk takes no more.
+            WorkUnavailableError: if too many wait already, or the disk takes no more.
         """
         sweep = admitted_sweep(data, self.limits, self._choices)
         return self._take_in(lambda: self.store.add(sweep.source, sweep.nb_cells))
@@ -63,11 +63,11 @@ class PostedSweeps(WorkQueue[PostedSweep]):
         """A file of a sweep that is done.
 
         Raises:
-            NoRecordingError: if it is not, or has no file of that name.
+            NoFileError: if it is not, or has no file of that name.
         """
         path = self.store.results(sweep.id) / name
         if sweep.status != "done" or not path.is_file():
-            raise NoRecordingError(f"sweep {sweep.id} is {sweep.status}: it has no {name}")
+            raise NoFileError(f"sweep {sweep.id} is {sweep.status}: it has no {name}")
         return path
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from app.jobs import Job, JobRunner, ProcessDiedError, Result
-from app.work.work import RunsUnavailableError
+from app.work.work import WorkUnavailableError
 
 FOR_A_PERSON = 5  # of 19: the niceness of what a person waits for; the live walk goes before
 
@@ -32,10 +32,10 @@ class AwaitedJobs:
         """Take one of the few places, before anything is begun.
 
         Raises:
-            RunsUnavailableError: if there is none.
+            WorkUnavailableError: if there is none.
         """
         if not self._places.acquire(blocking=False):
-            raise RunsUnavailableError(self._refusal)
+            raise WorkUnavailableError(self._refusal)
         try:
             yield
         finally:
@@ -45,16 +45,16 @@ class AwaitedJobs:
         """Do a job, and return its result.
 
         Raises:
-            RunsUnavailableError: if the server stops, or no process can be started.
+            WorkUnavailableError: if the server stops, or no process can be started.
             ProcessDiedError: if the job ended its process.
         """
         with self.turn:
             try:
                 done = self._runner.run(job)
             except OSError as error:
-                raise RunsUnavailableError(f"no process can be started: {error}") from error
+                raise WorkUnavailableError(f"no process can be started: {error}") from error
         if isinstance(done.exception(), ProcessDiedError) and self._runner.is_stopping:
-            raise RunsUnavailableError("the server stops")
+            raise WorkUnavailableError("the server stops")
         return done.result()
 
     def stop(self) -> None:

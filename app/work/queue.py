@@ -9,7 +9,7 @@ from typing import Any, Generic
 
 from app.jobs import JobProcess, ProcessDiedError
 from app.work.store import AnyWork, WorkStore
-from app.work.work import RunsUnavailableError
+from app.work.work import WorkUnavailableError
 from walkcore import WalkError
 
 logger = logging.getLogger(__name__)
@@ -68,7 +68,7 @@ class WorkQueue(Generic[AnyWork]):
         """The present state of some work.
 
         Raises:
-            UnknownRunError: if there is none of that id.
+            UnknownWorkError: if there is none of that id.
         """
         return self._with_progress(self._store.get(work_id))
 
@@ -83,8 +83,8 @@ class WorkQueue(Generic[AnyWork]):
             The work as it was: what had not ended is kept, as cancelled.
 
         Raises:
-            UnknownRunError: if there is none of that id.
-            RunsUnavailableError: if its files cannot be removed.
+            UnknownWorkError: if there is none of that id.
+            WorkUnavailableError: if its files cannot be removed.
         """
         work = self._store.get(work_id)
         if self._store.cancel(work_id):
@@ -104,11 +104,11 @@ class WorkQueue(Generic[AnyWork]):
             add: adds it to the store.
 
         Raises:
-            RunsUnavailableError: if too much waits already, or the disk takes no more.
+            WorkUnavailableError: if too much waits already, or the disk takes no more.
         """
         with self._admission:
             if self._store.nb_queued() >= self._nb_queued:
-                raise RunsUnavailableError(f"{self._nb_queued} {self._store.kind}s wait already")
+                raise WorkUnavailableError(f"{self._nb_queued} {self._store.kind}s wait already")
             try:
                 return add()
             finally:

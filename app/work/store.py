@@ -1,4 +1,4 @@
-"""All work of one kind with its states, the same for runs and sweeps; how it comes to the disk is theirs."""
+"""Base of the stores of runs and sweeps: the states of work and its changes; subclasses write it to the disk."""
 
 import logging
 import math
@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 from app.jobs import Job
-from app.work.work import RunsUnavailableError, UnknownRunError, Work
+from app.work.work import UnknownWorkError, Work, WorkUnavailableError
 
 logger = logging.getLogger(__name__)
 
@@ -34,12 +34,12 @@ class WorkStore(ABC, Generic[AnyWork]):
         """The work of an id.
 
         Raises:
-            UnknownRunError: if there is none of that id.
+            UnknownWorkError: if there is none of that id.
         """
         with self._lock:
             work = self._works.get(work_id)
         if work is None:
-            raise UnknownRunError(work_id, self.kind)
+            raise UnknownWorkError(work_id, self.kind)
         return work
 
     def list(self) -> list[AnyWork]:
@@ -96,7 +96,7 @@ class WorkStore(ABC, Generic[AnyWork]):
             if i > 0 and (i >= nb_kept or size > bytes_kept):
                 try:
                     self.remove(work.id)
-                except RunsUnavailableError as error:
+                except WorkUnavailableError as error:
                     logger.warning("an old %s is kept: %s", self.kind, error)
 
     @abstractmethod
@@ -124,7 +124,7 @@ class WorkStore(ABC, Generic[AnyWork]):
         """Forget work that has ended, files and all.
 
         Raises:
-            RunsUnavailableError: if its files cannot be removed.
+            WorkUnavailableError: if its files cannot be removed.
         """
 
     @abstractmethod

@@ -8,18 +8,18 @@ WorkStatus = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED = ("done", "failed", "cancelled")
 
 
-class UnknownRunError(Exception):
+class UnknownWorkError(Exception):
     """There is no work of that id, or no longer."""
 
     def __init__(self, work_id: str, kind: str = "run") -> None:
         super().__init__(f"no {kind} {work_id[:64]!r}")
 
 
-class NoRecordingError(Exception):
+class NoFileError(Exception):
     """A run has no recording, or a sweep no such file, not yet or not at all."""
 
 
-class RunsUnavailableError(Exception):
+class WorkUnavailableError(Exception):
     """No work can be taken in, handed out or removed now; the message says when to try again."""
 
     RETRY_AFTER = 10
