@@ -19,7 +19,7 @@ CORE = """
     parameters robot robot_file
     mpc.viability mpc.balance_sets
     mpc.supports mpc.constraints mpc.walking_qp
-    mpc.plan mpc.pattern_generator mpc.touchdowns mpc.step_timing
+    mpc.plan mpc.plan_checks mpc.pattern_generator mpc.touchdowns mpc.step_timing
     motion.swing_foot motion.dynamic_filter motion.body_model motion.shapes motion.whole_body
     footholds.collisions footholds.safe_polygon footholds.step_feasibility footholds.study
     plant.plant plant.world plant.fall_watch plant.stabilizer plant.sensors plant.mujoco_model plant.mujoco_plant

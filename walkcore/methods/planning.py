@@ -14,9 +14,10 @@ import numpy as np
 from walkcore.methods.method import Method
 from walkcore.methods.situation import Situation, situation
 from walkcore.mpc.balance_sets import capture_sets
-from walkcore.mpc.lipm import CoMState, Pendulum
-from walkcore.mpc.pattern_generator import CAPTURE_TOLERANCE, PatternGenerator, tick_preview
+from walkcore.mpc.lipm import CoMState, Pendulum, tick_preview
+from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import NO_BOUNDS, Plan, Status
+from walkcore.mpc.plan_checks import CAPTURE_TOLERANCE
 from walkcore.mpc.regions import inset_vertices
 from walkcore.mpc.stance import convex_hull
 from walkcore.mpc.supports import Supports, WalkingProblem

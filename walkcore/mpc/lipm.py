@@ -175,3 +175,18 @@ def preview_matrices(intervals: Vector, pendulum: Pendulum) -> PreviewMatrices:
     Pzs, Pzu = Pps - h / g * Pas, Ppu - h / g * Pau
     Pds, Pdu = Pps + Pvs / omega, Ppu + Pvu / omega
     return PreviewMatrices(*(frozen_copy(matrix) for matrix in (t, Pps, Ppu, Pvs, Pvu, Pzs, Pzu, Pds, Pdu)))
+
+
+@lru_cache(maxsize=128)  # other parameters leave them as they are, and each tick of a step has its own
+def tick_preview(nb_samples: int, period: float, time_to_sample: float, pendulum: Pendulum) -> PreviewMatrices:
+    """Preview at a tick between two samples: the first interval ends at the next sample of the gait's grid.
+
+    Args:
+        nb_samples: N.
+        period: T, between samples [s].
+        time_to_sample: from the tick to the first sample [s], at most T.
+        pendulum: whose CoM moves.
+    """
+    intervals = np.full(nb_samples, period)
+    intervals[0] = time_to_sample
+    return preview_matrices(intervals, pendulum)

@@ -9,22 +9,21 @@ from walkcore.cache import instance_cache
 from walkcore.command import Reference
 from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.balance_sets import BalanceSets, balance_sets
-from walkcore.mpc.horizon import SampleStance, StanceSequence
-from walkcore.mpc.lipm import Pendulum, PreviewMatrices, preview_matrices
+from walkcore.mpc.horizon import StanceSequence
+from walkcore.mpc.lipm import PreviewMatrices, tick_preview
 from walkcore.mpc.plan import Bounds, Plan, Status
+from walkcore.mpc.plan_checks import PlanChecks
 from walkcore.mpc.preview import PLANNED, Preview, QPInputs
 from walkcore.mpc.qp import QP, SOLVERS, STALLED_GAP, InteriorPointSolver
 from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
-from walkcore.mpc.supports import SupportGeometry, Supports, WalkingProblem
-from walkcore.mpc.viability import Landings
+from walkcore.mpc.supports import SupportGeometry, WalkingProblem
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
-from walkcore.values import Matrix, Vector, freeze, rotation
+from walkcore.values import Matrix, Vector, freeze
 
-CAPTURE_TOLERANCE = 1e-6  # [m]
 MAX_PROBLEMS = 2  # of one tick, whose QPs are kept: the gait on schedule may be tried again with margins given up
 MAX_PHASES = 1024  # a step of 0.8 s at ticks of 5 ms has 160, a start and a stop as many each
 
@@ -52,6 +51,7 @@ class PatternGenerator:
         self.sets = balance_sets(robot, p) if sets is None else sets
         self.geometry = SupportGeometry(robot, p, self.sets.capture)
         """Polygons of the robot, put where the feet are."""
+        self._checks = PlanChecks(self.geometry, self.sets.viable, p.sampling_period)
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._build = instance_cache(self._compute_walking_qp, MAX_PROBLEMS)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver(STALLED_GAP)
@@ -75,9 +75,7 @@ class PatternGenerator:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
             OutOfTimeError: if the time is over before a plan is found.
         """
-        walking = self._build(problem)
-        plan = self._viable_plan(walking, problem, time_left)
-        return plan or self._relaxed_plan(walking, problem, time_left)
+        return self.viable_plan(problem, time_left) or self.relaxed_plan(problem, time_left)
 
     def viable_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan | None:
         """The plan of the paper's QP, if it has a solution that does not lead to a fall.
@@ -89,7 +87,16 @@ class PatternGenerator:
         Raises:
             OutOfTimeError: if the time is over.
         """
-        return self._viable_plan(self._build(problem), problem, time_left)
+        walking = self._build(problem)
+        try:
+            solution = self._solver.solve(walking.qp, self._stages, time_left)
+        except NoSolutionFoundError:
+            return None
+        decision = walking.preview.layout.split(solution.u)
+        plan = self._read(walking, problem, decision, solution.multipliers, Status.SOLVED)
+        is_viable = not self._are_footholds_free or self._checks.is_viable(plan, walking.supports, problem)
+        self._stages.lap("check")
+        return plan if is_viable else None
 
     def recovering_plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan | None:
         """The plan of the paper's QP, if steps that use part of their regions suffice from the next foothold on.
@@ -101,23 +108,8 @@ class PatternGenerator:
         Raises:
             OutOfTimeError: if the time is over.
         """
-        walking = self._build(problem)
-        plan = self._viable_plan(walking, problem, time_left)
-        sample, tight = problem.horizon.stances.sample_on_foothold, walking.supports.viable_on_foothold_tight
-        if plan is None or sample is None or tight is None:
-            return plan
-        return plan if tight.excess(plan.dcm[sample] - plan.footholds[0].position) < CAPTURE_TOLERANCE else None
-
-    def _viable_plan(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan | None:
-        try:
-            solution = self._solver.solve(walking.qp, self._stages, time_left)
-        except NoSolutionFoundError:
-            return None
-        decision = walking.preview.layout.split(solution.u)
-        plan = self._read(walking, problem, decision, solution.multipliers, Status.SOLVED)
-        is_viable = not self._are_footholds_free or self._is_viable(plan, walking.supports, problem)
-        self._stages.lap("check")
-        return plan if is_viable else None
+        plan, supports = self.viable_plan(problem, time_left), self._build(problem).supports
+        return plan if plan and self._checks.recovers(plan, supports, problem.horizon.stances) else None
 
     def continued(self, last: Plan, problem: WalkingProblem) -> Plan:
         """The plan of the tick before, from the CoM state of this one: its jerks and footholds, nothing is solved.
@@ -180,68 +172,21 @@ class PatternGenerator:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
             OutOfTimeError: if the time is over.
         """
-        return self._relaxed_plan(self._build(problem), problem, time_left)
-
-    def _relaxed_plan(self, walking: WalkingQP, problem: WalkingProblem, time_left: TimeLeft) -> Plan:
-        walking = self._within_flight(walking, problem)
+        walking = self._within_flight(self._build(problem), problem)
         relaxed = relaxed_qp(walking, self._parameters.cop_margin)
         solution = self._relaxed_solver.solve(relaxed.qp, self._stages, time_left)
         multipliers = relaxed.row_multipliers(solution.multipliers)[: len(walking.point_of_row)]
         decision = walking.preview.layout.split(solution.u)
         plan = self._read(walking, problem, decision, multipliers, Status.RELAXED)
-        excess = walking.supports.terminal_set.excess(plan.dcm[-1] - _centre(plan, problem.horizon.stances.last))
+        is_capturable = self._checks.is_capturable(plan, walking.supports, problem.horizon.stances)
         self._stages.lap("check")
-        return replace(plan, is_capturable=excess < CAPTURE_TOLERANCE)
+        return replace(plan, is_capturable=is_capturable)
 
     def _within_flight(self, walking: WalkingQP, problem: WalkingProblem) -> WalkingQP:
         """The same QP, in which the rest of a double support does not count as flight (30)."""
         horizon = problem.horizon
         waiting = horizon.time_to_touchdown - horizon.time_in_air
         return walking.with_less_reach(self.geometry.reach(waiting)) if waiting > 0.0 else walking
-
-    def _is_viable(self, plan: Plan, supports: Supports, problem: WalkingProblem) -> bool:
-        """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
-
-        Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
-        """
-        stances = problem.horizon.stances
-        viable = supports.viable_at_next_sample
-        if viable is not None and viable.excess(plan.dcm[0] - _centre(plan, stances.first)) >= CAPTURE_TOLERANCE:
-            return False
-        if not self._flies_in_time(plan, problem):
-            return False
-        if supports.stopping_offset is not None:
-            return supports.terminal_set_tight.excess(plan.dcm[-1] - _centre(plan, stances.last)) < CAPTURE_TOLERANCE
-        sample, viable = stances.sample_on_foothold, supports.viable_on_foothold
-        if sample is None or viable is None:
-            return True
-        excess = viable.excess(plan.dcm[sample] - plan.footholds[0].position)
-        return excess < CAPTURE_TOLERANCE or self._is_viable_in_flight(plan, problem)
-
-    def _is_viable_in_flight(self, plan: Plan, problem: WalkingProblem) -> bool:
-        """Whether steps can catch the robot from a sample on, the first one no farther than the foot can fly.
-
-        The sample is the next one, or, of a robot that stands before its first step, the last one on both feet: over
-        the period after it the CoP goes from where it is then to the support foot.
-        """
-        horizon, stances, T = problem.horizon, problem.horizon.stances, self._parameters.sampling_period
-        sample = max(int(np.argmin(stances.is_double_support)) - 1, 0)
-        landing = Landings(
-            to_sample=np.array([T if stances.is_double_support[sample] else 0.0]),
-            to_touchdown=np.array([stances.samples_to_touchdown[sample] * T]),
-            in_air=np.array([horizon.time_in_air]),
-        )
-        yaw, dcm, cop = plan.footholds[0].yaw, plan.dcm[sample], plan.cop[sample]
-        margins = self.sets.viable.margins(problem.support, problem.swing, yaw, dcm, cop, landing)
-        return bool(margins[0, 0, 0] > -CAPTURE_TOLERANCE)
-
-    def _flies_in_time(self, plan: Plan, problem: WalkingProblem) -> bool:
-        """Whether the foot gets to its foothold in the time that it has in the air: (30) allows it more."""
-        horizon = problem.horizon
-        if not horizon.time_in_air < horizon.time_to_touchdown or not plan.footholds:
-            return True
-        flight = (plan.footholds[0].position - problem.swing.position) @ rotation(problem.support.yaw)
-        return bool(np.all(np.abs(flight) < self.geometry.reach(horizon.time_in_air) + CAPTURE_TOLERANCE))
 
     def next_yaw(self, problem: WalkingProblem) -> float:
         """Yaw of the next foothold [rad]."""
@@ -311,21 +256,6 @@ class PatternGenerator:
             return tuple(single)
         both = (feet[-1], feet[-2]) if stances.is_stopping else (problem.support, problem.swing)
         return (*single, Stance(both, sole))
-
-
-def _centre(plan: Plan, sample: SampleStance) -> Vector:
-    """Centre of the stance of a sample, world frame [m], shape (2,)."""
-    return plan.stances[-1].centre if sample.is_double_support else plan.stances[sample.foot].feet[0].position
-
-
-@lru_cache(
-    maxsize=128
-)  # most changes of parameters leave them as they are, and each is first used at a tick of its own
-def tick_preview(nb_samples: int, period: float, time_to_sample: float, pendulum: Pendulum) -> PreviewMatrices:
-    """The preview at a tick: the first interval ends at the next sample of the gait's grid."""
-    intervals = np.full(nb_samples, period)
-    intervals[0] = time_to_sample
-    return preview_matrices(intervals, pendulum)
 
 
 @lru_cache(maxsize=256)  # straight ahead, the ticks of a step pass the same headings and times
