@@ -88,6 +88,7 @@ def stills(browser: Browser, url: str, api: httpx.Client, folder: Path) -> None:
         page.wait_for_timeout(ARRIVE)  # of two windows that are drawn in software
         taken(page).save(folder / name, optimize=True)
         print(f"{folder / name}: {(folder / name).stat().st_size / 1e3:.0f} kB")
+        page.close()
 
 
 @contextmanager
