@@ -34,7 +34,7 @@ OPTIONAL = ("title", "gait", "tipping_margin", "swing_moments", "body")
 TIPPING_MARGIN = 0.015  # [m], of the default robot
 GAIT = (
     *("step_duration", "initial_double_support_duration", "sampling_period", "double_support_duration"),
-    *("cop_margin", "swing_height"),
+    *("cop_margin", "swing_height", "step_timing"),
 )
 """Parameters that a robot may have a value of its own for."""
 BODY_REQUIRED = ("urdf", "left_sole", "right_sole", "torso")
