@@ -8,8 +8,8 @@ from scipy.optimize import linprog
 
 from walkcore import load_robot
 from walkcore.mpc.capture import StepTiming, capture_vertices, minkowski_sum
-from walkcore.mpc.regions import foothold_vertices, polygon
-from walkcore.mpc.stance import Side, mirrored
+from walkcore.mpc.regions import polygon
+from walkcore.mpc.stance import Side, mirrored, on_side
 
 ROBOT = load_robot("hrp2")
 TIMING = StepTiming(0.1, 0.7, math.sqrt(9.81 / ROBOT.com_height))
@@ -19,9 +19,7 @@ def a_step_leads_back(xi, on_right):
     """Whether some old CoP, foothold and new CoP bring xi, seen from the right foot, into the left foot's set."""
     a, b = math.exp(TIMING.omega * 0.1), math.exp(TIMING.omega * 0.7)
     rows, bounds = [], []
-    for k, corners in enumerate(
-        (mirrored(ROBOT.sole), foothold_vertices(ROBOT.foothold_region, Side.LEFT), ROBOT.sole)
-    ):
+    for k, corners in enumerate((mirrored(ROBOT.sole), on_side(Side.LEFT, ROBOT.foothold_region), ROBOT.sole)):
         for normal, bound in edges(corners, 0.0):  # of z_old, f and z_new, which are the unknowns
             row = np.zeros(6)
             row[2 * k : 2 * k + 2] = normal

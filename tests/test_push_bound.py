@@ -85,7 +85,7 @@ def largest_on_schedule(snapshot, direction, durations):
         x, y = flight * TALOS.max_foot_speed
         keep(foot[k + 1] - before, -there, np.array([[x, y], [-x, y], [-x, -y], [x, -y]]))
     shortest = StepTiming(T, CLASS.durations[0] - T, omega)
-    keep(xi - foot[4], known, viable_vertices(TALOS.sole, 0.0, TALOS.foothold_region, shortest, T)[side][-1])
+    keep(xi - foot[4], known, viable_vertices(TALOS.sole, 0.0, TALOS.foothold_region, shortest)[side][-1])
     bounds = [(0.0, None)] + [(None, None)] * (n - 1)
     found = linprog(-np.eye(1, n)[0], A_ub=np.vstack(rows), b_ub=np.array(uppers), bounds=bounds)
     return found.x[0] if found.status == 0 else 0.0

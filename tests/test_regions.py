@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from shapely import MultiPoint, Point
 
 from walkcore.errors import EmptyRegionError
-from walkcore.mpc.regions import box, foothold_vertices, polygon
-from walkcore.mpc.stance import Footstep, Side, sole_vertices
+from walkcore.mpc.regions import box, polygon
+from walkcore.mpc.stance import Footstep, Side, on_side, sole_vertices
 from walkcore.robot_file import load_robot
 from walkcore.values import rotation
 
@@ -77,8 +77,8 @@ def test_points_without_area_are_refused(vertices):
 
 def test_the_right_foot_lands_on_the_right():
     region = load_robot("talos").foothold_region
-    assert np.all(foothold_vertices(region, Side.LEFT)[:, 1] > 0)
-    assert np.all(foothold_vertices(region, Side.RIGHT)[:, 1] < 0)
+    assert np.all(on_side(Side.LEFT, region)[:, 1] > 0)
+    assert np.all(on_side(Side.RIGHT, region)[:, 1] < 0)
 
 
 def test_a_sole_turns_with_its_foot():

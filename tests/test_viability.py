@@ -13,8 +13,8 @@ from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import foothold_vertices, inset_vertices
-from walkcore.mpc.stance import Footstep, Side, mirrored
+from walkcore.mpc.regions import inset_vertices
+from walkcore.mpc.stance import Footstep, Side, mirrored, on_side
 from walkcore.mpc.viability import Allowance, Landings, Outline, ViableSets
 
 TALOS = replace(load_robot("talos"), body=None)
@@ -24,7 +24,7 @@ MARGIN, T, STEP = 0.03, 0.1, 0.6
 
 def region_of_left_foot():
     straight = next(region for region in TALOS.foothold_regions if region.lowest_yaw <= 0.0 <= region.highest_yaw)
-    return foothold_vertices(straight.vertices, Side.LEFT)
+    return on_side(Side.LEFT, straight.vertices)
 
 
 def test_the_reachable_part_of_a_region_is_found_by_linear_programming_too():
@@ -48,7 +48,7 @@ def can_be_caught(xi, z, swing, landing):
     kappa = 1 - (1 - math.exp(-OMEGA * to_sample)) / (OMEGA * to_sample)
     sole = inset_vertices(TALOS.sole, MARGIN)
     timing = StepTiming(T, STEP - T, OMEGA)
-    after = viable_vertices(TALOS.sole, MARGIN, TALOS.foothold_region, timing, T)[Side.LEFT][-1]
+    after = viable_vertices(TALOS.sole, MARGIN, TALOS.foothold_region, timing)[Side.LEFT][-1]
     reach = swing + in_air * TALOS.max_foot_speed * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
     rows, bounds = [], []
 

@@ -82,12 +82,12 @@ class Stand:
             viable_on_foothold=None,
             viable_on_foothold_tight=None,
             terminal_set_tight=box([10.0, 10.0]),
-            terminal_set=sole,
+            terminal_set_on_whole_soles=sole,
             sides=(),
             yaws=(),
             stopping_offset=None,
         )
-        preview = Preview(stances, self.lipm, samples_per_step=8, are_footholds_free=True)
+        preview = Preview(stances, self.lipm, samples_per_step=8, has_foothold_variables=True)
         phase = phase_matrices(preview, self.parameters, supports.nb_edges)
         nowhere = np.zeros(2)
         inputs = QPInputs(self.com, nowhere, np.array([0.0, -0.2]), nowhere, np.zeros((0, 2)), np.zeros((16, 2)))

@@ -33,7 +33,7 @@ from walkcore.plant.fall_watch import (
 from walkcore.plant.plant import ExternalForce, GroundContact, Measurement
 from walkcore.plant.stabilizer import anchoring, catch_up, commanded_cop, dcm_error, is_clipped
 from walkcore.plant.world import World
-from walkcore.pushes import NO_IMPULSE, GivenPush
+from walkcore.pushes import GivenPush
 from walkcore.robot import BodyModel, Robot
 from walkcore.snapshot import PlantTick, Snapshot
 from walkcore.stages import Stages
@@ -92,7 +92,8 @@ class DrivenBody:
         measured, contact = driver.plant.measure(), driver.plant.ground()
         if measured is None or contact is None:
             return None
-        return PlantTick(measured, contact, freeze(np.zeros(2)), driver.q, NO_IMPULSE)
+        zero = freeze(np.zeros(2))
+        return PlantTick(measured, contact, zero, driver.q, zero)
 
     def has_fallen(self, seen: PlantTick) -> bool:
         """Whether the body lies, or can no longer be caught."""

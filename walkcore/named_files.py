@@ -12,7 +12,7 @@ from walkcore.errors import UnknownNameError
 def shipped_files(folder: str) -> dict[str, Traversable]:
     """Files of a folder of this package by their names without ending, in the order of the names."""
     entries = [Path(str(entry)) for entry in (files("walkcore") / folder).iterdir()]
-    return {path.stem: path for path in sorted(entries) if path.suffix in (".yaml", ".md")}
+    return {path.stem: path for path in sorted(entries, key=lambda path: path.stem) if path.suffix in (".yaml", ".md")}
 
 
 def named_file(kind: str, name_or_path: str | Path, named: Mapping[str, Traversable]) -> Traversable:

@@ -115,6 +115,8 @@ class Parameters:
         object.__setattr__(self, "horizon_samples", int(self.horizon_samples))  # 16.0 is one, too
         if self.alpha == 0.0 and self.beta == 0.0:
             raise InvalidValueError("alpha", self.alpha, "alpha and beta may not both be zero")
+        if not any(term.weight for term in self.formulation.terms(self)):
+            raise InvalidValueError("scheme", self.scheme, "needs a weight above zero; all weights of its terms are")
         self._check_multiple("sampling_period", "control_period")
         self._check_multiple("step_duration", "sampling_period")
         self._check_multiple("initial_double_support_duration", "sampling_period")

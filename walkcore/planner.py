@@ -133,7 +133,7 @@ class Planner:
         if not plans:
             assert failure is not None
             raise failure
-        return max(plans, key=lambda choice: _promise(choice[1]))
+        return max(plans, key=lambda choice: _rank(choice[1]))
 
     def _problem(self, model: ModelState, gait: Gait, reference: Reference) -> WalkingProblem:
         side, horizon = gait.support_side(model.tick), gait.horizon(model.tick)
@@ -143,8 +143,8 @@ class Planner:
         return problem
 
 
-def _promise(plan: Plan) -> tuple[bool, bool, bool]:
-    """Rank of a plan: the greatest keeps all margins, then come those that can catch the robot, then those that try."""
+def _rank(plan: Plan) -> tuple[bool, bool, bool]:
+    """Rank of a plan: the greatest keeps all margins, then come those that catch the robot, then those with steps."""
     return plan.status is Status.SOLVED, plan.is_capturable, plan.is_capturable or bool(plan.footholds)
 
 

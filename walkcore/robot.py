@@ -9,8 +9,8 @@ import numpy as np
 
 from walkcore.command import Push, Reference
 from walkcore.mpc.lipm import Pendulum
-from walkcore.mpc.regions import closest_band, foothold_vertices
-from walkcore.mpc.stance import Footstep, Side
+from walkcore.mpc.regions import closest_band
+from walkcore.mpc.stance import Footstep, Side, on_side
 from walkcore.parameters import Parameters
 from walkcore.values import Matrix, Vector, check_range
 
@@ -157,7 +157,7 @@ class Robot:
             landing: side of the landing foot, not of the support.
         """
         bands = [(region.lowest_yaw, region.highest_yaw) for region in self.foothold_regions]
-        return foothold_vertices(self.foothold_regions[closest_band(bands, yaw * landing.sign)].vertices, landing)
+        return on_side(landing, self.foothold_regions[closest_band(bands, yaw * landing.sign)].vertices)
 
     def pendulum(self, parameters: Parameters) -> Pendulum:
         """The model that the CoM follows with some parameters, which may name another height."""

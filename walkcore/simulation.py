@@ -8,6 +8,8 @@ each tick, and the model follows it (`coupling.py`).
 from copy import copy
 from dataclasses import replace
 
+import numpy as np
+
 from walkcore.command import Command, Push, Reference
 from walkcore.coupling import DrivenBody
 from walkcore.errors import FallError, InvalidValueError, InverseKinematicsError
@@ -28,6 +30,7 @@ from walkcore.stages import UNTIMED, Stages, TimeLeft, unlimited
 from walkcore.state import SimulationState
 from walkcore.values import Vector, freeze, frozen_copy
 
+NO_JERK = freeze(np.zeros(2))
 NOT_IN_TIME = "the last plan goes on: there was no time to solve this tick"
 
 
@@ -200,10 +203,10 @@ class Simulation:
 
         Without the body: its joints are those of the present, its true CoP and torques are None.
         """
-        ghost = copy(self)
-        ghost._body, ghost._stages = None, UNTIMED
-        ghost._twin = ghost._spare_twin = None
-        return ghost.step(command)
+        future = copy(self)
+        future._body, future._stages = None, UNTIMED
+        future._twin = future._spare_twin = None
+        return future.step(command)
 
     def qp(self, reference: Reference) -> QP:
         """The paper's QP of the coming tick, if the gait goes on as it is."""
@@ -233,7 +236,7 @@ class Simulation:
         return NO_IMPULSE if self._why_fallen else pushes.impulse, pushes.forces(period)
 
     def _observe(self, impulse: Vector) -> PlantTick | None:
-        """Take in the push of this tick and the measured plant; None if all went as planned."""
+        """The measured plant; None of the ideal one, whose model takes the push of this tick here."""
         if self._body is None or self._body.driver.is_ideal:
             if impulse is not NO_IMPULSE:
                 self._model = self._model.pushed(impulse / self.robot.mass)
@@ -294,7 +297,7 @@ class Simulation:
             t=model.tick * self.parameters.control_period,
             com=model.com,
             pendulum=pendulum,
-            jerk=NO_IMPULSE if plan is None else plan.jerk,
+            jerk=NO_JERK if plan is None else plan.jerk,
             cop=freeze(pendulum.cop(model.com)),
             true_cop=None,
             torques=None if plant is None else plant.measured.torques,

@@ -52,7 +52,7 @@ class Snapshot:
     true_cop: Vector | None
     """Centre of pressure from the full inverse dynamics [m], shape (2,); None for a robot without a body."""
     torques: Vector | None
-    """Joint torques from the same inverse dynamics [N m], shape (nv - 6,); None for a robot without a body."""
+    """Joint torques, of that inverse dynamics or measured in physics [N m], shape (nv - 6,); None without a body."""
     reference: Reference
     heading: float
     """Heading of the robot [rad]."""
@@ -79,7 +79,7 @@ class Snapshot:
     """The latest push; None before the first one."""
     status: Status
     reason: str
-    """Reason of a fall or a relaxed tick; empty otherwise."""
+    """Why the robot fell, or that the last plan goes on; empty otherwise."""
     plan: Plan | None
     """None once the robot has fallen."""
     com_offset: Vector

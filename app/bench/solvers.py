@@ -90,7 +90,7 @@ def compare(problems: Sequence[QP], nb_samples: int) -> dict[str, SolverResult]:
                 begin = CLOCK()
                 u = solve(problem)
                 durations[name].append(CLOCK() - begin)
-                _, positions = Layout(nb_samples, len(u) // 2 - nb_samples, are_footholds_free=True).split(u)
+                _, positions = Layout(nb_samples, len(u) // 2 - nb_samples, has_foothold_variables=True).split(u)
                 footholds[name].append(positions[:1].ravel())
     exact = np.concatenate(footholds[EXACT])
     return {

@@ -121,3 +121,7 @@ def main() -> None:
 def _give_up(reason: str) -> None:
     print(f"walk: {reason}", file=sys.stderr)
     sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

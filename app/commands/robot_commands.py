@@ -18,10 +18,11 @@ class RobotsCommand:
 
     def __call__(self) -> None:
         """Print name and limits of each robot."""
+        width = max(map(len, robot_names()))
         for name in robot_names():
             robot = load_robot(name)
             limits = ", ".join(f"{key} {low:g} to {high:g}" for key, (low, high) in robot.max_reference.items())
-            print(f"{name:9} {robot.title}, {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
+            print(f"{name:{width}} {robot.title}, {robot.mass:.1f} kg; {limits}; push {robot.max_push:g} N s")
 
 
 @dataclass(frozen=True, slots=True)

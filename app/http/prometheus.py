@@ -116,5 +116,5 @@ def _walk_metrics(state: LiveState) -> Iterator[Metric]:
     yield GaugeMetricFamily("walk_speed", "Requested ratio of simulated to real time.", state.speed)
     yield GaugeMetricFamily("walk_running", "1 while time passes, 0 while paused.", state.running)
     yield GaugeMetricFamily("walk_fault", "1 while an error holds the robot.", bool(state.fault))
-    yield CounterMetricFamily("walk_relaxed_solves", "Ticks on which a soft margin was given up.", state.counts.relaxed)
+    yield CounterMetricFamily("walk_relaxed_solves", "Ticks with another plan than the paper's.", state.counts.relaxed)
     yield CounterMetricFamily("walk_failed_solves", "Ticks on which nothing kept the robot up.", state.counts.failed)

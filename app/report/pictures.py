@@ -103,7 +103,7 @@ def draw_margins(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) ->
         for run in runs:
             relaxed = run["t"][run["status"] == Status.RELAXED]
             axes.plot(relaxed, np.zeros(len(relaxed)), "|", color=ink(palette.PUSH), markersize=6)
-        _finish(axes, runs, "CoP inside the support polygon (a tick below: margin given up)", "[cm]")
+        _finish(axes, runs, "CoP inside the support polygon (a tick below: relaxed)", "[cm]")
 
 
 def draw_capturability(path: Path, runs: Sequence[StoredRun], names: Sequence[str]) -> None:

@@ -79,7 +79,7 @@ def cop_error(walk: Walk) -> Matrix:
 
 
 def ticks_relaxed(walk: Walk) -> int:
-    """Number of ticks at which margin was given up, because the QP had no solution or its plan led to a fall."""
+    """Number of ticks at which another plan took the place of the paper's, which had no solution or led to a fall."""
     return int(np.sum(walk["status"] == Status.RELAXED))
 
 

@@ -40,7 +40,7 @@ from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.qp import QP, InteriorPointSolver, Solver
 from walkcore.mpc.regions import polygon
-from walkcore.mpc.stance import Side, convex_hull, sole_outline
+from walkcore.mpc.stance import Side, convex_hull, on_side
 from walkcore.robot import Robot
 from walkcore.snapshot import Snapshot
 from walkcore.values import Matrix, Vector, rotation
@@ -189,8 +189,8 @@ class _Ground:
         self._max_foot_speed = robot.max_foot_speed
         landing = [side.other if k % 2 == 0 else side for k in range(NB_STEPS)]
         shortest = StepTiming(double_support, steps.durations[0] - double_support, omega)
-        viable = viable_vertices(robot.sole, 0.0, robot.foothold_region, shortest, double_support)[landing[-1]][-1]
-        outlines = {foot: sole_outline(foot, robot.sole) for foot in Side}
+        viable = viable_vertices(robot.sole, 0.0, robot.foothold_region, shortest)[landing[-1]][-1]
+        outlines = {foot: on_side(foot, robot.sole) for foot in Side}
         both = convex_hull(np.vstack([outlines[side], self._swing + outlines[side.other]]))
         soles = {SUPPORT: outlines[side], BOTH: both} | {k + 1: outlines[foot] for k, foot in enumerate(landing)}
         regions = [robot.foothold_region_at(0.0, foot) for foot in landing]

@@ -2,8 +2,8 @@
 
 A walk repeats itself every two steps in the places of the CoM and of the DCM, as seen from the foot that has just
 landed. It has recovered from a push at the touchdown at which both are back where they were before the push, or where
-they were two steps before, if another velocity is commanded meanwhile; no margin may have been given up since the
-touchdown before. A robot that stands has recovered once it rests: its CoM, its CoP and its DCM lie together.
+they were two steps before, if another velocity is commanded meanwhile; every tick since the touchdown before must have
+been solved. A robot that stands has recovered once it rests: its CoM, its CoP and its DCM lie together.
 
 `PushRecoveryMonitor` judges tick by tick, of a live robot as of a recorded one.
 """

@@ -97,7 +97,7 @@ class MethodPlans:
         stances, support = problem.horizon.stances, problem.support
         if stances.is_double_support.all():
             middle = (support.position + problem.swing.position) / 2
-            return supports.terminal_set.excess(dcm[0] - middle) < CAPTURE_TOLERANCE
+            return supports.terminal_set_on_whole_soles.excess(dcm[0] - middle) < CAPTURE_TOLERANCE
         sample = int(np.argmin(stances.is_double_support))
         if stances.foot_of_sample[sample] > 0:  # the support foot carries no sample of the horizon any longer
             support = now.footholds[int(stances.foot_of_sample[sample]) - 1]

@@ -11,7 +11,6 @@ from functools import lru_cache
 
 from walkcore.mpc.capture import StepTiming, strides, viable_polygons, viable_vertices
 from walkcore.mpc.regions import HalfPlanes, shrunk
-from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Side
 from walkcore.mpc.viability import Allowance, ViableSets, viable_sets
 from walkcore.parameters import Parameters
@@ -20,6 +19,9 @@ from walkcore.robot import Robot
 SHORTER_STEPS = (0.6, 0.5, 0.4)  # [s]
 SHORTEST_SWING = 0.3  # [s]
 OVERSHOOT = 5e-3  # [m] of the margin that is never given up: between samples the CoP bulges by up to T^2/8 ddc
+CAREFUL, USUAL, UTMOST = range(3)
+"""Numbers of the allowances by which touchdowns are compared: part of the regions, all that the paper's QP may use, and
+the whole soles."""
 TIGHTENING = 0.6  # fraction of the foothold region that a plan which had to be corrected may count on after its end
 
 
@@ -49,16 +51,16 @@ def capture_sets(robot: Robot, parameters: Parameters, step_duration: float | No
     p = parameters
     single_support = (p.step_duration if step_duration is None else step_duration) - p.double_support_duration
     timing = StepTiming(p.double_support_duration, single_support, robot.pendulum(p).omega)
-    return _capture_sets(robot, p.cop_margin, timing, p.sampling_period)
+    return _capture_sets(robot, p.cop_margin, timing)
 
 
 @lru_cache(maxsize=32)  # adaptive step timing has four durations of the coming steps
-def _capture_sets(robot: Robot, margin: float, timing: StepTiming, sampling_period: float) -> CaptureSets:
+def _capture_sets(robot: Robot, margin: float, timing: StepTiming) -> CaptureSets:
     whole = robot.foothold_region
     region, part = (strides(r, robot.max_foot_speed, timing) for r in (whole, shrunk(whole, TIGHTENING)))
     return CaptureSets(
         *(
-            viable_polygons(viable_vertices(robot.sole, margin, vertices, timing, sampling_period))
+            viable_polygons(viable_vertices(robot.sole, margin, vertices, timing))
             for margin, vertices in ((margin, region), (margin, part), (0.0, region))
         )
     )
@@ -90,19 +92,17 @@ def balance_sets(robot: Robot, parameters: Parameters) -> BalanceSets:
     durations = step_durations(p) if has_adaptive_steps(p) else (p.step_duration,)
     omega = robot.pendulum(p).omega
     careful, usual, utmost = Allowance(margin, TIGHTENING), Allowance(margin), Allowance(min(OVERSHOOT, margin))
-    T, compared = p.double_support_duration, None
-    if has_adaptive_steps(p):
-        compared = viable_sets(robot, (careful, usual, utmost), durations, T, omega)
+    T = p.double_support_duration
     return BalanceSets(
         {duration: capture_sets(robot, p, duration) for duration in durations},
         viable_sets(robot, (usual,), (p.step_duration,), T, omega),
-        compared,
+        viable_sets(robot, (careful, usual, utmost), durations, T, omega) if has_adaptive_steps(p) else None,
     )
 
 
 def has_adaptive_steps(parameters: Parameters) -> bool:
     """Whether steps may end sooner; a scheme whose QP does not choose the footholds has no use for it."""
-    return parameters.step_timing == "adaptive" and parameters.formulation.footholds is Footholds.FREE
+    return parameters.step_timing == "adaptive" and not parameters.formulation.has_planned_footholds
 
 
 def shortest_step(parameters: Parameters) -> int:

@@ -2,19 +2,18 @@
 
     xi = c + dc / omega,    dxi = omega (xi - z),    omega^2 = g / h
 
-The divergent component of motion (DCM) xi runs away from the centre of pressure z, and nothing
-but z moves it. Over a double support z goes from the old sole to the new one, then it
-stays in the new one until the next touchdown. So the DCMs xi, seen from
-the support foot at a touchdown, from which some sequence of footholds keeps the robot
-up for ever, are a convex set B that solves
+The divergent component of motion (DCM) xi runs away from the centre of pressure z, and nothing but z moves it. Over a
+double support z counts as half in the old sole and half in the new one (one that goes from the one to the other at a
+constant speed differs by 6 % of these shares), then it stays in the new one until the next touchdown. So the DCMs xi,
+seen from the support foot at a touchdown, from which some sequence of footholds keeps the robot up for ever, are a
+convex set B that solves
 
     a B = (a-1)/2 S + (a+1)/2 R + ((a-1)/2 + (b-1)/b) S' + B'/b
 
-with S the sole, R the foothold region, ' for the other side, a and b the growth of xi over
-a double and a single support, and + the Minkowski sum. The paper's QP does not know
-this set; leaving it means that no further plan could catch the robot.
-With P what one step adds, B = P + mirrored B / (a b): alternately P and its mirror image, ever smaller. Parts that are
-the same but for their size add up to one, so B = (P + mirrored P / (a b)) / (1 - 1/(a b)^2).
+with S the sole, R the foothold region, ' for the other side, a and b the growth of xi over a double and a single
+support, and + the Minkowski sum. The paper's QP does not know this set; leaving it means that no further plan could
+catch the robot. With P what one step adds, B = P + mirrored B / (a b): alternately P and its mirror image, ever
+smaller. Parts that are the same but for their size add up to one, so B = (P + mirrored P / (a b)) / (1 - 1/(a b)^2).
 Koolen et al. 2012, "Capturability-based analysis and control of legged locomotion".
 """
 
@@ -25,8 +24,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from walkcore.mpc.regions import HalfPlanes, cut_vertices, foothold_vertices, inset_vertices, polygon
-from walkcore.mpc.stance import Side, convex_hull, mirrored
+from walkcore.mpc.regions import HalfPlanes, cut_vertices, inset_vertices, polygon
+from walkcore.mpc.stance import Side, convex_hull, mirrored, on_side
 from walkcore.values import Matrix, Vector
 
 
@@ -71,7 +70,7 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
     right_sole = mirrored(sole)
     one_step = minkowski_sum(
         (a - 1) / (2 * a) * right_sole,
-        (a + 1) / (2 * a) * foothold_vertices(region, Side.LEFT),
+        (a + 1) / (2 * a) * on_side(Side.LEFT, region),
         ((a - 1) / 2 + (b - 1) / b) / a * sole,
     )
     shrinking = 1 / (a * b)
@@ -79,22 +78,19 @@ def capture_vertices(sole: Matrix, region: Matrix, timing: StepTiming) -> dict[S
     return {Side.RIGHT: on_right, Side.LEFT: mirrored(on_right)}
 
 
-def viable_vertices(
-    sole: Matrix, margin: float, region: Matrix, timing: StepTiming, sampling_period: float
-) -> dict[Side, tuple[Matrix, ...]]:
+def viable_vertices(sole: Matrix, margin: float, region: Matrix, timing: StepTiming) -> dict[Side, tuple[Matrix, ...]]:
     """Viable states of the DCM in the frame of each support foot, by the samples left of its single support.
 
     Args:
         sole: outline of the left sole [m], shape (V, 2).
         margin: that the CoP keeps from its edges [m].
         region: of the left foot, in the right foot's frame [m], shape (V, 2).
-        timing: of the steps.
-        sampling_period: [s].
+        timing: of the steps; samples are as far apart as a double support lasts (section 4).
 
     Returns:
-        Vertices of the sets by side of the support foot [m], shapes (V, 2).
+        Vertices of the sets by side of the support foot [m], shapes (V, 2), the last one as the single support begins.
     """
-    return _viable_vertices(_plain(sole), margin, _plain(region), timing, sampling_period)
+    return _viable_vertices(_plain(sole), margin, _plain(region), timing)
 
 
 Polygon = tuple[tuple[float, ...], ...]
@@ -106,37 +102,14 @@ def _plain(vertices: Matrix) -> Polygon:
 
 @lru_cache(maxsize=64)  # a change of other parameters during a walk asks for the same sets again
 def _viable_vertices(
-    sole: Polygon, margin: float, region: Polygon, timing: StepTiming, sampling_period: float
+    sole: Polygon, margin: float, region: Polygon, timing: StepTiming
 ) -> dict[Side, tuple[Matrix, ...]]:
     inner = inset_vertices(np.array(sole), margin)
     at_touchdown = capture_vertices(inner, np.array(region), timing)[Side.LEFT]
-    nb_samples = round(timing.single_support / sampling_period)
-    growth = np.exp(timing.omega * sampling_period * np.arange(nb_samples + 1))
-    on_left = tuple(_before_touchdown(at_touchdown, inner, float(e)) for e in growth)
+    nb_samples = round(timing.single_support / timing.double_support)
+    growth = np.exp(timing.omega * timing.double_support * np.arange(nb_samples + 1))
+    on_left = tuple(minkowski_sum(at_touchdown / e, (1 - 1 / e) * inner) for e in growth.tolist())
     return {Side.LEFT: on_left, Side.RIGHT: tuple(map(mirrored, on_left))}
-
-
-def _before_touchdown(at_touchdown: Matrix, sole: Matrix, growth: float) -> Matrix:
-    """States from which a CoP in the sole brings the DCM into a set at the touchdown, by when it grows so much."""
-    return minkowski_sum(at_touchdown / growth, (1 - 1 / growth) * sole)
-
-
-def viable_after_double_support(sole: Matrix, margin: float, region: Matrix, timing: StepTiming) -> dict[Side, Matrix]:
-    """Viable states of the DCM as a single support begins, in the frame of each support foot.
-
-    Args:
-        sole: outline of the left sole [m], shape (V, 2).
-        margin: that the CoP keeps from its edges [m].
-        region: of the left foot, in the right foot's frame [m], shape (V, 2).
-        timing: of the steps.
-
-    Returns:
-        Vertices by side of the support foot [m], shapes (V, 2).
-    """
-    inner = inset_vertices(sole, margin)
-    at_touchdown = capture_vertices(inner, region, timing)[Side.LEFT]
-    on_left = _before_touchdown(at_touchdown, inner, math.exp(timing.omega * timing.single_support))
-    return {Side.LEFT: on_left, Side.RIGHT: mirrored(on_left)}
 
 
 def viable_polygons(vertices: dict[Side, tuple[Matrix, ...]]) -> dict[Side, tuple[HalfPlanes, ...]]:

@@ -2,7 +2,7 @@
 
     d . (Z - Uc f_support - U f) <= b         every CoP in the polygon of its stance          (26)-(29)
     d . (f_1 - f_support) <= b, ...           every foothold in its region                    (section 5)
-    d . (f_1 - f_air) <= t_touchdown v_max    the foot in the air gets to its foothold        (30)
+    d . (f_1 - f_air) <= (t_touchdown - t) v_max    the foot in the air gets to its foothold  (30)
 
 d are the normals of a polygon's edges and b their distances from its centre. A row of the QP is one edge of the
 polygon of one point, with the opposite edge, where there is a parallel one, as its lower bound. The matrix of (28) is

@@ -185,8 +185,8 @@ class Gait:
             return Horizon(per_sample - tick % per_sample, math.nan, math.nan, stances)
         begin, end = self.step_ticks(tick)
         steps_left = None if self.nb_steps is None else self.nb_steps - max(self.step(tick), 0)
-        samples_of_step = -(-(end - begin) // per_sample)
-        present = samples_of_step - -(-(end - tick) // per_sample)
+        samples_of_step = math.ceil((end - begin) / per_sample)
+        present = samples_of_step - math.ceil((end - tick) / per_sample)
         stances = stances_of_walk(timing.nb_samples, samples_of_step, self.samples_per_step, present, steps_left)
         return Horizon(
             ticks_to_sample=(end - tick - 1) % per_sample + 1,
@@ -250,7 +250,7 @@ class Gait:
         return Gait(timing, side, start, steps_left, retiming)
 
     def candidates(self, tick: int, walks: bool, first_support: Side) -> "tuple[Gait, ...]":
-        """The gaits that may follow from a tick on, the preferred one first.
+        """The gaits that may follow from a tick on, the preferred one first; the last one never stops.
 
         Args:
             tick: now.

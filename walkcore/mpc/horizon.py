@@ -48,7 +48,7 @@ class StanceSequence:
 
     @cached_property
     def has_double_support(self) -> bool:
-        """Whether the feet stand side by side at some sample, the first or the last one included."""
+        """Whether the feet stand side by side at the first sample (a start) or at the last one (a stop)."""
         return bool(self.is_double_support[0] or self.is_double_support[-1])
 
     @cached_property
@@ -89,7 +89,7 @@ class StanceSequence:
 
     @cached_property
     def first_on_foothold(self) -> "SampleStance | None":
-        """Stance of that sample."""
+        """Stance of the sample `sample_on_foothold`."""
         return None if self.sample_on_foothold is None else self._sample(self.sample_on_foothold)
 
     def _sample(self, n: int) -> "SampleStance":

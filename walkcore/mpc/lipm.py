@@ -156,7 +156,7 @@ def preview_matrices(intervals: Vector, pendulum: Pendulum) -> PreviewMatrices:
 
     A jerk that acts from s to e is felt at a later time t as ((t-s)^3 - (t-e)^3)/6 in
     position, ((t-s)^2 - (t-e)^2)/2 in velocity and (e-s) in acceleration. With all
-    intervals equal to T these are the matrices printed after (10).
+    intervals equal to T these are the matrices printed after (10), in whose last rows N has to read N - 1.
 
     Args:
         intervals: durations between samples [s], shape (N,), positive.

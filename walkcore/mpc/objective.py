@@ -10,7 +10,8 @@ Each residual is D u + K k, see `preview`, so the sum is 1/2 u^T Q' u + (J k)^T 
 
     Q' = sum weight D^T D,    J = sum weight D^T K.
 
-For the terms of (19) these are the paper's
+For the terms of (19) these are the paper's, but for the rows and columns of the footholds, which are times
+`FOOTHOLD_SCALE`:
 
     Q'_k = | alpha I + beta Pvu^T Pvu + gamma Pzu^T Pzu    -gamma Pzu^T U |   (24)
            | -gamma U^T Pzu                                 gamma U^T U   |

@@ -1,8 +1,8 @@
 """Yaws of the coming footsteps, decided before the QP so that it stays linear (section 4).
 
-The heading turns by yaw_rate * step_duration a step. The foot on the inside of the turn
-cannot toe in by that much without the soles coming close, so it turns by what it
-may, and the outer foot, which can toe out, makes up for it.
+The paper only says that they are fixed beforehand; the rule is ours. The heading turns by yaw_rate * step_duration a
+step. The foot on the inside of the turn cannot toe in by that much without the soles coming close, so it turns by what
+it may, and the outer foot, which can toe out, makes up for it.
 """
 
 from collections.abc import Sequence

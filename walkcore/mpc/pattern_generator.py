@@ -15,7 +15,6 @@ from walkcore.mpc.plan import Bounds, Plan, Status
 from walkcore.mpc.plan_checks import PlanChecks
 from walkcore.mpc.preview import PLANNED, Preview, QPInputs
 from walkcore.mpc.qp import QP, SOLVERS, STALLED_GAP, InteriorPointSolver
-from walkcore.mpc.schemes import Footholds
 from walkcore.mpc.stance import Footstep, Stance
 from walkcore.mpc.supports import SupportGeometry, WalkingProblem
 from walkcore.mpc.walking_qp import PhaseMatrices, WalkingQP, phase_matrices, relaxed_qp, viable_qp, walking_qp
@@ -55,13 +54,11 @@ class PatternGenerator:
         self._phase = instance_cache(self._compute_phase, MAX_PHASES)
         self._build = instance_cache(self._compute_walking_qp, MAX_PROBLEMS)
         self._solver, self._relaxed_solver = SOLVERS[p.solver](), InteriorPointSolver(STALLED_GAP)
-        self._are_footholds_free = p.formulation.footholds is Footholds.FREE
 
     def _compute_phase(self, ticks_to_sample: int, stances: StanceSequence, nb_edges: tuple[int, ...]) -> PhaseMatrices:
         p = self._parameters
-        are_free = p.formulation.footholds is not Footholds.PLANNED
         lipm = tick_preview(stances.nb_samples, p.sampling_period, ticks_to_sample * p.control_period, self.pendulum)
-        preview = Preview(stances, lipm, p.timing.samples_per_step, are_free)
+        preview = Preview(stances, lipm, p.timing.samples_per_step, p.formulation.has_foothold_variables)
         return phase_matrices(preview, p, nb_edges)
 
     def plan(self, problem: WalkingProblem, time_left: TimeLeft = unlimited) -> Plan:
@@ -94,7 +91,8 @@ class PatternGenerator:
             return None
         decision = walking.preview.layout.split(solution.u)
         plan = self._read(walking, problem, decision, solution.multipliers, Status.SOLVED)
-        is_viable = not self._are_footholds_free or self._checks.is_viable(plan, walking.supports, problem)
+        is_final = self._parameters.formulation.has_planned_footholds  # no other one is tried
+        is_viable = is_final or self._checks.is_viable(plan, walking.supports, problem)
         self._stages.lap("check")
         return plan if is_viable else None
 
@@ -186,7 +184,7 @@ class PatternGenerator:
         """The same QP, in which the rest of a double support does not count as flight (30)."""
         horizon = problem.horizon
         waiting = horizon.time_to_touchdown - horizon.time_in_air
-        return walking.with_less_reach(self.geometry.reach(waiting)) if waiting > 0.0 else walking
+        return walking.with_more_reach(-self.geometry.reach(waiting)) if waiting > 0.0 else walking
 
     def next_yaw(self, problem: WalkingProblem) -> float:
         """Yaw of the next foothold [rad]."""
@@ -199,10 +197,10 @@ class PatternGenerator:
     def _compute_walking_qp(self, problem: WalkingProblem) -> WalkingQP:
         supports, horizon = self.geometry.supports(problem), problem.horizon
         phase = self._phase(horizon.ticks_to_sample, horizon.stances, supports.nb_edges)
-        if self._are_footholds_free:
-            planned = np.zeros((horizon.stances.nb_footholds, 2))
-        else:
+        if self._parameters.formulation.has_planned_footholds:
             planned = self.geometry.planned_footholds(problem, supports)
+        else:
+            planned = np.zeros((horizon.stances.nb_footholds, 2))
         inputs = QPInputs(
             problem.com,
             problem.support.position,
@@ -224,7 +222,7 @@ class PatternGenerator:
         """The plan that jerks and footholds stand for; whether it is capturable is not known yet."""
         supports, layout, stances = walking.supports, walking.preview.layout, problem.horizon.stances
         jerks, positions = decision
-        if not layout.are_footholds_free:
+        if not layout.has_foothold_variables:
             positions = walking.inputs[PLANNED : PLANNED + layout.nb_footholds]
         if supports.stopping_offset is not None:
             last = positions[-1] if len(positions) else problem.support.position

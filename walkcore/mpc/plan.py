@@ -18,7 +18,9 @@ class Status(IntEnum):
     """Outcome of a tick; numbered as in a recording."""
 
     SOLVED = 0
+    """The optimum of the paper's QP."""
     RELAXED = 1
+    """Another plan, because that QP has no solution or leads to a fall."""
     FALLEN = 2
 
 

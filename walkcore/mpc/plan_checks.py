@@ -26,9 +26,10 @@ class PlanChecks:
         self._geometry, self._viable, self._sampling_period = geometry, viable, sampling_period
 
     def is_viable(self, plan: Plan, supports: Supports, problem: WalkingProblem) -> bool:
-        """Whether further steps can catch the robot one sample from now, and whether a stop ends in a stand.
+        """Whether further steps can catch the robot from the next sample and from the first one on the next foothold.
 
-        Not whether they could at the end of the plan: the QP is careless about that, and in time to correct it.
+        And whether the foot gets there in the time that it has in the air, and a stop ends in a stand. The end of the
+        plan is not checked: later ticks correct it.
 
         Args:
             plan: of this tick.
@@ -91,7 +92,7 @@ class PlanChecks:
             supports: polygons of its horizon.
             stances: of its samples.
         """
-        return _holds(supports.terminal_set, plan.dcm[-1] - _centre(plan, stances.last))
+        return _holds(supports.terminal_set_on_whole_soles, plan.dcm[-1] - _centre(plan, stances.last))
 
 
 def _holds(dcms: HalfPlanes, dcm: Vector) -> bool:

@@ -27,13 +27,13 @@ class Layout:
     """N."""
     nb_footholds: int
     """m, on which samples stand."""
-    are_footholds_free: bool
-    """Whether the QP decides the footholds, or takes the planned ones."""
+    has_foothold_variables: bool
+    """Whether the footholds are variables of the QP, or the planned ones are taken."""
 
     @property
     def nb_free_footholds(self) -> int:
         """Footholds that are variables of the QP."""
-        return self.nb_footholds if self.are_footholds_free else 0
+        return self.nb_footholds if self.has_foothold_variables else 0
 
     @property
     def axis(self) -> int:
@@ -94,13 +94,13 @@ class Preview:
     stances: StanceSequence
     lipm: PreviewMatrices
     samples_per_step: int
-    are_footholds_free: bool
-    """Whether the QP decides the footholds, or takes the planned ones."""
+    has_foothold_variables: bool
+    """Whether the footholds are variables of the QP, or the planned ones are taken."""
     layout: Layout = field(init=False)
     """Layout of u and k."""
 
     def __post_init__(self) -> None:
-        layout = Layout(self.lipm.nb_samples, self.stances.nb_footholds, self.are_footholds_free)
+        layout = Layout(self.lipm.nb_samples, self.stances.nb_footholds, self.has_foothold_variables)
         object.__setattr__(self, "layout", layout)
 
     def zeros(self, nb_points: int) -> AffineMap:
@@ -123,7 +123,7 @@ class Preview:
         points.K[:, STATE] = Pxs[samples]
         points.K[:, SUPPORT] = -stances.Uc[samples]
         points.K[:, TO_MIDDLE] = -stances.is_double_support[samples, None].astype(float)
-        if self.are_footholds_free:
+        if self.has_foothold_variables:
             points.D[:, N:] = -FOOTHOLD_SCALE * stances.U[samples]
         else:
             points.K[:, PLANNED : PLANNED + stances.nb_footholds] = -stances.U[samples]

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from walkcore.errors import EmptyRegionError
-from walkcore.mpc.stance import Side, mirrored
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
 PARALLEL = 1e-10  # between unit normals, up to which edges share a row; the one that gives its own up moves by no more
@@ -172,14 +171,15 @@ def shrunk(vertices: Matrix, part: float) -> Matrix:
     return middle + part * (vertices - middle)
 
 
-def foothold_vertices(region: Matrix, landing: Side) -> Matrix:
-    """The foothold region of a landing foot in the frame of the support foot, shape (V, 2) [m].
+def depths(corners: Matrix, point: Vector) -> Vector:
+    """Distances of a point from the edges of a convex polygon, positive inside [m], shape (V,).
 
     Args:
-        region: of the left foot, in the right foot's frame.
-        landing: side of the landing foot, not of the support.
+        corners: of the polygon, counter-clockwise [m], shape (V, 2).
+        point: [m], shape (2,).
     """
-    return region if landing is Side.LEFT else mirrored(region)
+    along, to_point = np.roll(corners, -1, axis=0) - corners, point - corners
+    return (along[:, 0] * to_point[:, 1] - along[:, 1] * to_point[:, 0]) / np.hypot(*along.T)
 
 
 def nearest_within(polygon: Matrix, point: Vector) -> Vector:

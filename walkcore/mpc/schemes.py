@@ -35,6 +35,16 @@ class Scheme:
     nb_steps_to_last: int = 1
     """Whole steps that the horizon should hold: with fewer a robot may fall that nobody pushes, see docs/method.md."""
 
+    @property
+    def has_foothold_variables(self) -> bool:
+        """Whether the footholds are variables of the QP."""
+        return self.footholds is not Footholds.PLANNED
+
+    @property
+    def has_planned_footholds(self) -> bool:
+        """Whether a planner proposes the footholds, which the QP then takes, or may move at a cost."""
+        return self.footholds is not Footholds.FREE
+
     def least_horizon(self, samples_per_step: int) -> int:
         """Samples that the horizon needs: to hold the next foothold, and all steps that the scheme looks at."""
         return max(samples_per_step + 1, self.nb_steps_ahead * samples_per_step)

@@ -80,17 +80,17 @@ def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
         sole: outline of the left sole in its own frame; the right one is its mirror image.
         foot: where it stands.
     """
-    return foot.position + sole_outline(foot.side, sole) @ rotation(foot.yaw).T
+    return foot.position + on_side(foot.side, sole) @ rotation(foot.yaw).T
 
 
-def sole_outline(side: Side, sole: Matrix) -> Matrix:
-    """Outline of the sole of a side in its own frame, shape (V, 2) [m].
+def on_side(side: Side, vertices: Matrix) -> Matrix:
+    """What belongs to the foot of a side, in a foot's frame, shape (V, 2) [m].
 
     Args:
-        side: of the foot.
-        sole: outline of the left sole; the right one is its mirror image.
+        side: of that foot; of a foothold region that of the foot which lands.
+        vertices: of the left foot; those of the right one are their mirror image.
     """
-    return sole if side is Side.LEFT else mirrored(sole)
+    return vertices if side is Side.LEFT else mirrored(vertices)
 
 
 def mirrored(vertices: Matrix) -> Matrix:

@@ -3,12 +3,12 @@
 The least change comes first:
 
     1. the paper's QP on schedule
-    2. the same with a hard row: at the first sample on the next foothold the DCM is viable
+    2. the same with more rows: at the first sample on the next foothold the DCM is viable, and the feet fly in time
     3. the nearest sooner touchdown, with the coming steps 0.8, 0.6, 0.5 or 0.4 s long, that leaves a margin
     4. the touchdown that leaves most, with margins of the CoP given up
 
-Touchdowns are compared by how far the present DCM lies inside the viable set of each (`touchdowns.py`), so that only
-one or two QPs are solved. Back to the usual step as soon as that is safe.
+Touchdowns are compared by how far the present DCM lies inside the viable set of each (`touchdowns.py`), so that seldom
+more than two QPs are solved. Back to the usual step as soon as that is safe.
 
 Koolen et al. 2012; Khadiv et al. 2016, 2020; Bohorquez and Wieber 2017.
 """
@@ -16,11 +16,12 @@ Koolen et al. 2012; Khadiv et al. 2016, 2020; Bohorquez and Wieber 2017.
 from collections.abc import Iterator, Sequence
 
 from walkcore.errors import NoSolutionFoundError
+from walkcore.mpc.balance_sets import CAREFUL, USUAL, UTMOST
 from walkcore.mpc.gait import Gait
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan
 from walkcore.mpc.supports import WalkingProblem
-from walkcore.mpc.touchdowns import CAREFUL, USUAL, UTMOST, ProblemOf, TouchdownComparison, Touchdowns
+from walkcore.mpc.touchdowns import ProblemOf, TouchdownComparison, Touchdowns
 from walkcore.mpc.viability import ViableSets
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -30,7 +31,7 @@ ENOUGH = 0.02  # [m] inside a viable set, from which on a later touchdown is bet
 HYSTERESIS = 0.005  # [m] by which the DCM has to lie deeper inside a viable set for a change of the touchdown
 SAFE = 0.010  # [m] inside the viable set of the usual step, to return to it
 LOST = 0.003  # [m] outside of a viable set, from where on no plan leads into it. Between samples the CoP leaves its
-# polygon by up to T^2/8 ddc, 4.6 mm where it is 0.3 m from the CoM, and by two thirds of that over the whole time
+# polygon by up to T^2/8 ddc, 4.5 mm where it is 0.3 m from the CoM, and by two thirds of that over the whole time
 
 
 class AdaptiveTiming:
@@ -81,10 +82,10 @@ class AdaptiveTiming:
             NoSolutionFoundError: if no motion is feasible, not even on the true edges of the soles.
             OutOfTimeError: if the time is over before a plan is found.
         """
-        generator, on_schedule = self._generator, gaits[-1]
-        touchdowns = Touchdowns(self._comparison, on_schedule, tick, height, problem_of)
-        if not (is_disturbed and self._is_lost(touchdowns, problem_of(on_schedule), on_schedule, tick)):
-            for gait in (*self._restored(touchdowns, on_schedule), *gaits):
+        generator, walk_on = self._generator, gaits[-1]
+        touchdowns = Touchdowns(self._comparison, walk_on, tick, height, problem_of)
+        if not (is_disturbed and self._is_lost(touchdowns, problem_of(walk_on), walk_on, tick)):
+            for gait in (*self._restored(touchdowns, walk_on), *gaits):
                 make = generator.viable_plan if gait.samples_per_step >= self._usual else generator.recovering_plan
                 plan = make(problem_of(gait), time_left)
                 if plan is not None:
@@ -93,16 +94,16 @@ class AdaptiveTiming:
         enough = min(ENOUGH, touchdowns.most(CAREFUL)) - HYSTERESIS
         self._stages.lap("timing")
         if margin > max(enough, 0.0):
-            plan = generator.corrected_plan(problem_of(on_schedule), time_left)
+            plan = generator.corrected_plan(problem_of(walk_on), time_left)
             if plan is not None:
-                return on_schedule, plan
-        sooner = touchdowns.nearest(CAREFUL, max(enough, HYSTERESIS))
+                return walk_on, plan
+        sooner = touchdowns.least_change(CAREFUL, max(enough, HYSTERESIS))
         if sooner is not None:
             plan = generator.corrected_plan(problem_of(sooner), time_left)
             if plan is not None:
                 return sooner, plan
         failure: NoSolutionFoundError | None = None
-        for gait in self._last_resorts(touchdowns, on_schedule):
+        for gait in self._last_resorts(touchdowns, walk_on):
             try:
                 return gait, generator.relaxed_plan(problem_of(gait), time_left)
             except NoSolutionFoundError as error:

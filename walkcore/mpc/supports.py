@@ -14,9 +14,8 @@ from walkcore.mpc.balance_sets import CaptureSets, capture_sets
 from walkcore.mpc.horizon import Horizon, SampleStance, StanceSequence
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.orientation import Turn, foothold_yaws
-from walkcore.mpc.regions import HalfPlanes, box, closest_band, foothold_vertices, polygon
-from walkcore.mpc.schemes import Footholds
-from walkcore.mpc.stance import Footstep, Side, Stance
+from walkcore.mpc.regions import HalfPlanes, box, closest_band, polygon
+from walkcore.mpc.stance import Footstep, Side, Stance, on_side
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
@@ -59,7 +58,7 @@ class Supports:
     foothold_regions: tuple[HalfPlanes, ...]
     """Region of each foothold that the QP chooses, around its predecessor."""
     flight: HalfPlanes
-    """The foothold of the foot in the air relative to that foot if no time is left: a point, see `reach`."""
+    """Where the next foothold may lie around the foot in the air, before `walking_qp` adds its reach: a point."""
     region_vertices: tuple[Matrix, ...]
     """Region of each foothold in the frame of its predecessor [m], shapes (V, 2)."""
     to_middle: Vector
@@ -74,10 +73,10 @@ class Supports:
     """States of the DCM at the first sample on the next foothold, around it, from which steps catch the robot; None
     where no sample stands on it, or it is part of a stop."""
     viable_on_foothold_tight: HalfPlanes | None
-    """The same for steps that use part of their regions only."""
+    """`viable_on_foothold` for steps that use part of their regions only."""
     terminal_set_tight: HalfPlanes
     """States of the DCM at the last sample from which steps within all margins and part of their regions catch it."""
-    terminal_set: HalfPlanes
+    terminal_set_on_whole_soles: HalfPlanes
     """States of the DCM at the last sample from which steps catch it that use the whole soles."""
     sides: tuple[Side, ...]
     """Sides of the m footholds, and of the one that ends a stop."""
@@ -118,7 +117,7 @@ def _polygons(
 ) -> tuple[Mapping[Side, HalfPlanes], Mapping[Side, list[HalfPlanes]], Mapping[Side, list[Matrix]]]:
     """The sole of each foot, and its foothold regions, one for each band of yaws, as rows and as vertices."""
     at_origin = {side: Stance((Footstep(side, np.zeros(2), 0.0),), robot.sole) for side in Side}
-    vertices = {side: [foothold_vertices(region.vertices, side) for region in robot.foothold_regions] for side in Side}
+    vertices = {side: [on_side(side, region.vertices) for region in robot.foothold_regions] for side in Side}
     regions = {side: [polygon(corners) for corners in vertices[side]] for side in Side}
     return {side: polygon(stance.corners) for side, stance in at_origin.items()}, regions, vertices
 
@@ -221,12 +220,11 @@ class SupportGeometry:
             stopping_offset = rotation(last_yaw) @ (0.0, -last_side.sign * self._robot.stance_width)
         before = (support_yaw, *yaws)
         bands = [closest_band(self._bands, (yaws[k] - before[k]) * side.sign) for k, side in enumerate(sides)]
-        are_free = self._parameters.formulation.footholds is not Footholds.PLANNED
         regions = [self._regions[side][bands[k]].rotated(before[k]) for k, (side, _) in enumerate(feet[1:])]
         on_foothold = stances.first_on_foothold
         supports = Supports(
             cop_polygons=tuple(self._soles[side].rotated(yaw) for side, yaw in feet),
-            foothold_regions=tuple(regions) if are_free else (),
+            foothold_regions=tuple(regions) if self._parameters.formulation.has_foothold_variables else (),
             flight=POINT.rotated(support_yaw),
             region_vertices=tuple(self._region_vertices[side][band] for side, band in zip(sides, bands, strict=True)),
             to_middle=NOWHERE,
@@ -235,12 +233,12 @@ class SupportGeometry:
             viable_on_foothold=None if on_foothold is None else _viable(sets.viable, on_foothold, feet),
             viable_on_foothold_tight=None if on_foothold is None else _viable(sets.tight, on_foothold, feet),
             terminal_set_tight=_viable(sets.tight, stances.last, feet),
-            terminal_set=_viable(sets.on_whole_soles, stances.last, feet),
+            terminal_set_on_whole_soles=_viable(sets.on_whole_soles, stances.last, feet),
             sides=sides,
             yaws=yaws,
             stopping_offset=stopping_offset,
         )
-        if stopping_offset is not None:  # the stand that ends a stop hangs on the last foothold
+        if stopping_offset is not None:  # the stand that ends a stop lies beside the last foothold
             x, y = stopping_offset.tolist()
             return self._with_double_support(supports, stances, last_side, last_yaw, (x, y, last_yaw))
         return supports if other is None else self._with_double_support(supports, stances, *feet[0], other)
@@ -272,7 +270,7 @@ class SupportGeometry:
             to_middle=to_middle,
             viable_at_next_sample=viable,
             terminal_set_tight=inner if ends_on_both else supports.terminal_set_tight,
-            terminal_set=both if ends_on_both else supports.terminal_set,
+            terminal_set_on_whole_soles=both if ends_on_both else supports.terminal_set_on_whole_soles,
         )
 
 

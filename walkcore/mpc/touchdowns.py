@@ -30,9 +30,6 @@ SWAP = 0.03  # [m] by which a touchdown of the foot that has just landed has to 
 TINY = 1e-12
 SPARE_LEG = 0.02  # [m] that the CoM stays nearer to the support foot than the leg reaches
 
-CAREFUL, USUAL, UTMOST = range(3)
-"""Numbers of the allowances: part of the regions, all that the paper's QP may use, and the whole soles."""
-
 ProblemOf = Callable[[Gait], WalkingProblem]
 """The walking problem of this tick with some gait."""
 
@@ -216,8 +213,8 @@ class Touchdowns:
             margins = self._comparison.margins(branch, tick, self._problem_of)
         return Choice(gait.retimed(tick, begin, touchdown, timing.samples_per_step), float(margins[0, allowance, 0]))
 
-    def nearest(self, allowance: int, enough: float) -> Gait | None:
-        """The latest touchdown, with the longest steps after it, that leaves more than some margin [m]."""
+    def least_change(self, allowance: int, enough: float) -> Gait | None:
+        """The longest steps, and with them the latest touchdown, that leave more than some margin [m]."""
         for branch, margins in zip(self._branches, self._margins, strict=True):
             for duration in range(margins.shape[2]):
                 for k in np.flatnonzero(margins[:, allowance, duration] > enough)[:1]:

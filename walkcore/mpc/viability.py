@@ -18,7 +18,6 @@ lies as far inside as the smallest h(n) - n.xi for the normals n of all edges of
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -28,9 +27,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from walkcore.cache import instance_cache
-from walkcore.mpc.capture import StepTiming, strides, viable_after_double_support
-from walkcore.mpc.regions import closest_band, foothold_vertices, inset_vertices, shrunk
-from walkcore.mpc.stance import Footstep, Side, mirrored
+from walkcore.mpc.capture import StepTiming, strides, viable_vertices
+from walkcore.mpc.regions import closest_band, inset_vertices, shrunk
+from walkcore.mpc.stance import Footstep, Side, mirrored, on_side
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector, frozen_copy, rotation
 
@@ -63,30 +62,14 @@ class Allowance:
     """Fraction of the foothold region, around its middle, that all footholds after the next one may use."""
 
 
-@lru_cache(maxsize=16)  # a change of other parameters during a walk asks for the same sets again
-def viable_sets(
-    robot: Robot, allowances: tuple[Allowance, ...], durations: tuple[float, ...], double_support: float, omega: float
-) -> "ViableSets":
-    """The `ViableSets` of these arguments, computed once.
-
-    Args:
-        robot: with its sole, its foothold regions and the speed of its feet.
-        allowances: from each of which a set follows.
-        durations: of the coming steps, from each of which a set follows [s].
-        double_support: its duration T [s].
-        omega: of the pendulum [1/s].
-    """
-    return ViableSets(robot, allowances, durations, double_support, omega)
-
-
 class ViableSets:
     """Viable states of the DCM of one robot, for A allowances and D durations of the coming steps."""
 
     def __init__(
         self,
         robot: Robot,
-        allowances: Sequence[Allowance],
-        durations: Sequence[float],
+        allowances: tuple[Allowance, ...],
+        durations: tuple[float, ...],
         double_support: float,
         omega: float,
     ) -> None:
@@ -104,7 +87,7 @@ class ViableSets:
         self._soles = {Side.LEFT: soles, Side.RIGHT: [mirrored(sole) for sole in soles]}
         timings = [StepTiming(double_support, duration - double_support, omega) for duration in durations]
         sets = [
-            viable_after_double_support(
+            viable_vertices(
                 robot.sole,
                 allowance.margin,
                 strides(shrunk(robot.foothold_region, allowance.part), robot.max_foot_speed, timing),
@@ -113,11 +96,10 @@ class ViableSets:
             for allowance in allowances
             for timing in timings
         ]
-        self._after_double_support = {side: [by_side[side] for by_side in sets] for side in Side}
+        self._after_double_support = {side: [by_side[side][-1] for by_side in sets] for side in Side}
         self._bands = [(region.lowest_yaw, region.highest_yaw) for region in robot.foothold_regions]
         self._regions = {
-            side: [Outline(foothold_vertices(region.vertices, side)) for region in robot.foothold_regions]
-            for side in Side
+            side: [Outline(on_side(side, region.vertices)) for region in robot.foothold_regions] for side in Side
         }
         self._normals = {side: _normals_of_edges(robot, side.other) for side in Side}
         self._fixed_parts = instance_cache(self._compute_fixed_parts, MAX_TURNS)
@@ -171,6 +153,10 @@ class ViableSets:
         return room.min(axis=1)
 
 
+viable_sets = lru_cache(maxsize=16)(ViableSets)
+"""The same object for the same arguments: a change of other parameters during a walk asks for the same sets again."""
+
+
 def _share_of_present_cop(x: Vector) -> Vector:
     """Kappa for omega delta, shape (K,)."""
     return np.where(x > 0.0, 1.0 + np.expm1(-x) / np.maximum(x, TINY), 0.0)
@@ -187,7 +173,7 @@ def _normals_of_edges(robot: Robot, landing: Side) -> Matrix:
         landing: side of the next foothold.
     """
     both = [f(part) for part in (robot.sole, robot.foothold_region) for f in (np.asarray, mirrored)]
-    parts = [*both, *(foothold_vertices(region.vertices, landing) for region in robot.foothold_regions)]
+    parts = [*both, *(on_side(landing, region.vertices) for region in robot.foothold_regions)]
     normals = np.vstack([np.eye(2), -np.eye(2), *(ConvexHull(part).equations[:, :2] for part in parts)])
     _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
     return frozen_copy(normals[np.sort(first)])

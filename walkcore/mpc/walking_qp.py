@@ -55,14 +55,18 @@ class WalkingQP:
     normal_of_row: Matrix
     """Normal of the edge that each row keeps it behind, shape (r, 2)."""
 
-    def with_less_reach(self, less: Vector) -> "WalkingQP":
-        """The same, with less reach of the foot in the air than (30) gives it, by some distance [m], shape (2,)."""
-        if not self.supports.foothold_regions:
+    def with_more_reach(self, more: Vector) -> "WalkingQP":
+        """The same, where the foot in the air reaches farther (30).
+
+        Args:
+            more: distance along x and y of the support foot's frame, negative for less [m], shape (2,).
+        """
+        if not len(self.point_of_row) or not self.supports.foothold_regions:
             return self
         qp = self.qp
         lower, upper = qp.lower.copy(), qp.upper.copy()
-        lower[-2:] += less
-        upper[-2:] -= less
+        lower[-2:] -= more  # the last two rows are those of the flight
+        upper[-2:] += more
         return replace(self, qp=QP(qp.P, qp.q, qp.G, lower, upper))
 
 
@@ -116,11 +120,8 @@ def walking_qp(phase: PhaseMatrices, supports: Supports, reach: Vector, inputs: 
     """
     k = inputs.matrix
     rows = phase.constraints.rows(supports.edges, k)
-    if len(rows.lower) and supports.foothold_regions:  # the last two rows are those of the flight (30)
-        rows.lower[-2:] -= reach
-        rows.upper[-2:] += reach
     qp = QP(phase.Q, (phase.J @ k).T.ravel(), rows.G, rows.lower, rows.upper)
-    return WalkingQP(qp, phase.preview, supports, k, phase.constraints.point, rows.normals)
+    return WalkingQP(qp, phase.preview, supports, k, phase.constraints.point, rows.normals).with_more_reach(reach)
 
 
 def viable_qp(walking: WalkingQP) -> QP | None:

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from walkcore.errors import InvalidValueError
-from walkcore.mpc.stance import Side, sole_outline
+from walkcore.mpc.stance import Side, on_side
 from walkcore.plant.world import STRIP_SPACING, STRIP_WIDTH, World
 from walkcore.robot import Robot
 from walkcore.values import Matrix, Vector
@@ -163,7 +163,7 @@ def _add_sole(
     spec: mujoco.MjSpec, foot: mujoco.MjsBody, side: Side, placement: pin.SE3, sole: Matrix, friction: float
 ) -> None:
     """A plate whose lower face is the outline of a sole, and a site at the sole frame."""
-    outline = sole_outline(side, sole)
+    outline = on_side(side, sole)
     low, high = outline.min(axis=0), outline.max(axis=0)
     foot.add_site(name=side.name, pos=placement.translation, quat=_wxyz(placement.rotation))
     contact = {"friction": [friction, 0.005, 0.0001], "contype": ROBOT, "conaffinity": GROUND, "mass": 0.0}

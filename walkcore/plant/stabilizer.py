@@ -27,7 +27,7 @@ import numpy as np
 from walkcore.motion.dynamic_filter import Offset
 from walkcore.motion.swing_foot import FootState
 from walkcore.mpc.lipm import CoMState
-from walkcore.mpc.regions import nearest_within
+from walkcore.mpc.regions import depths, nearest_within, shrunk
 from walkcore.mpc.stance import Side, Stance
 from walkcore.plant.plant import Measurement, SolePose
 from walkcore.values import Matrix, Vector, freeze, frozen_copy, rotation
@@ -132,10 +132,7 @@ def is_clipped(cop: Vector, error: Vector, commanded: Vector) -> bool:
 
 def _shrunk(corners: Matrix, margin: float) -> Matrix:
     """A convex polygon, counter-clockwise, shrunk about its middle, where it is narrowest by a margin [m]."""
-    middle, along = corners.mean(axis=0), np.roll(corners, -1, axis=0) - corners
-    to_middle = middle - corners
-    depth = (along[:, 0] * to_middle[:, 1] - along[:, 1] * to_middle[:, 0]) / np.hypot(*along.T)
-    return middle - (1.0 - margin / depth.min()) * to_middle
+    return shrunk(corners, 1.0 - margin / depths(corners, corners.mean(axis=0)).min())
 
 
 def share_inside(corners: Matrix, start: Vector, way: Vector) -> float:
@@ -146,10 +143,8 @@ def share_inside(corners: Matrix, start: Vector, way: Vector) -> float:
         start: shape (2,).
         way: shape (2,).
     """
-    along = np.roll(corners, -1, axis=0) - corners
-    inwards = np.column_stack([-along[:, 1], along[:, 0]])
-    depth, outwards = np.sum(inwards * (start - corners), axis=1), -inwards @ way
+    depth, at_end = depths(corners, start), depths(corners, start + way)
     if np.any(depth < 0.0):
         return 0.0
-    leaves = outwards > depth
-    return float(np.min(depth[leaves] / outwards[leaves], initial=1.0))
+    leaves = at_end < 0.0
+    return float(np.min(depth[leaves] / (depth - at_end)[leaves], initial=1.0))

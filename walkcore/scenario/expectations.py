@@ -10,7 +10,7 @@ from walkcore.values import check_flag, check_mapping, check_range
 
 METRICS: Mapping[str, str] = MappingProxyType(
     {
-        "ticks_relaxed": "ticks at which margin was given up",
+        "ticks_relaxed": "ticks with another plan than the paper's QP, which had no solution or led to a fall",
         "velocity_error": "mean velocity over whole gait cycles against the reference, largest [m/s]",
         "yaw_rate_error": "mean yaw rate over whole gait cycles against the reference, largest [rad/s]",
         "distance_x": "from the first CoM to the last, along x of the world [m]",

@@ -43,8 +43,8 @@ class Scale:
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """The scenario for another robot; itself for its own one.
 
-    Its expectations, which belong to the proportions of the first robot, give way to the promises of any robot: how many
-    steps a push takes depends on how wide its soles are for its height, which no scale changes.
+    Its expectations, which belong to the proportions of the first robot, give way to the promises of any robot: how
+    many steps a push takes depends on how wide its soles are for its height, which no scale changes.
 
     Args:
         scenario: as it was written.
@@ -124,6 +124,7 @@ def _expectations(scenario: Scenario, robot: Robot) -> dict[str, float | bool]:
     expected: Mapping[str, float | bool] = scenario.source.get("expect") or {}
     if expected.get("not_fallen") is False:
         return {"not_fallen": False}
-    is_pushed = any("push" in event for event in scenario.source.get("events") or [])
-    without = (() if robot.body is not None else OF_THE_BODY) + (() if is_pushed else ("max_pushes_unrecovered",))
+    without = () if robot.body is not None else OF_THE_BODY
+    if not any(event.push for event in scenario.events):
+        without = (*without, "max_pushes_unrecovered")
     return {key: bound for key, bound in PROMISES.items() if key not in without}

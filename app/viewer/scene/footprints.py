@@ -21,7 +21,7 @@ from app.viewer.scene.primitives import (
 from app.viewer.transport.scene_updates import SceneUpdates
 from walkcore import Robot
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.stance import Footstep, Side, mirrored
+from walkcore.mpc.stance import Footstep, Side, on_side
 from walkcore.values import Matrix
 
 FOOTHOLDS_PER_FOOT = 4  # of a long horizon; the default one has two
@@ -36,7 +36,7 @@ GREYS = {Side.LEFT: LEFT_FOOT, Side.RIGHT: RIGHT_FOOT}
 
 def sole_outline(robot: Robot, side: Side) -> Matrix:
     """Outline of a sole in its own frame, counter-clockwise [m], shape (V, 2)."""
-    return counter_clockwise(robot.sole if side is Side.LEFT else mirrored(robot.sole))
+    return counter_clockwise(on_side(side, robot.sole))
 
 
 class PastFootprints:
