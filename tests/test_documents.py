@@ -1,25 +1,17 @@
 """The documents name files, commands, routes and values that exist, and the code of the README runs."""
 
 import re
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 import yaml
+from fastapi import APIRouter
 
+from app import routes as routes_folder
 from app.commands import cli
 from app.formats import FORMATS
-from app.routes import (
-    booth,
-    driver_lease,
-    lessons,
-    live_robot,
-    scripted_runs,
-    service,
-    sockets,
-    sweeps,
-    timeline,
-    uploads,
-)
 from app.settings import Settings
 from walkcore import load_scenario, scenario_names
 from walkcore.analysis.sweep import KEYS, PUSH_KEYS, sweep_from_mapping
@@ -36,24 +28,8 @@ FOLDERS = ("walkcore", "app", "static", "tests", "benchmarks", "docs", "deploy")
 WRITTEN = {  # by commands, to a user's folder
     *("growth.json", "growth.svg", "report.md", "footholds.yaml", "run.json", "sweep.json", "sweep.html", "speed.svg"),
 }
-ROUTERS = (
-    *(
-        module.router
-        for module in (
-            live_robot,
-            timeline,
-            driver_lease,
-            booth,
-            uploads,
-            scripted_runs,
-            lessons,
-            sweeps,
-            service,
-            sockets,
-        )
-    ),
-    service.metrics_router,
-)
+MODULES = [import_module(f"app.routes.{found.name}") for found in iter_modules(routes_folder.__path__)]
+ROUTERS = [value for module in MODULES for value in vars(module).values() if isinstance(value, APIRouter)]
 ROUTES = {
     (method, route.path)  # pyright: ignore[reportAttributeAccessIssue]  # all of them have one
     for router in ROUTERS

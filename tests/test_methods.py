@@ -9,6 +9,7 @@ from conftest import survives_to_the_end
 
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
 from walkcore.analysis.survival import NominalWalk
+from walkcore.errors import InvalidValueError
 from walkcore.methods import METHODS
 from walkcore.methods.dcm_tracker import dcm_reference
 from walkcore.methods.morisawa import AnalyticPlan
@@ -27,6 +28,12 @@ STEP = 16  # ticks
 STEADY = 64  # ticks from rest to a steady walk
 IN_PLACE = Reference()
 OMEGA = 3.5  # [1/s]
+
+
+def test_a_scheme_that_minimises_nothing_is_refused():
+    with pytest.raises(InvalidValueError, match="scheme") as refused:
+        Parameters(scheme="speed_only", beta=0.0)
+    assert refused.value.value == "speed_only"
 
 
 def walk(scheme, push=None, at=STEADY, nb_ticks=8 * STEP, reference=IN_PLACE, robot=HRP2, **parameters):

@@ -129,7 +129,7 @@ class DrivenBody:
             forces: that push the body.
 
         Returns:
-            The snapshot with the true CoP, and with the torques that were commanded.
+            The snapshot with the true CoP, and in the ideal plant with the torques that this motion takes.
 
         Raises:
             InverseKinematicsError: if the ideal body cannot follow; it is where it was.

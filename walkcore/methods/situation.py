@@ -88,9 +88,8 @@ class Situation:
             return (Interval(math.inf, middle, middle, both),)
         support, swing, waiting = self.support.position, self.swing.position, self.lift_off
         found: list[Interval] = []
-        if (
-            waiting > self.double_support + ROUNDING
-        ):  # the CoP goes to the foot that will leave, so the CoM to the other
+        if waiting > self.double_support + ROUNDING:
+            # The CoP goes to the foot that will leave, so that the CoM goes to the other one.
             standing = waiting - self.double_support
             passed = max(1.0 - standing / max(self.stand_duration, standing), 0.0)
             found.append(Interval(standing, middle + passed * (swing - middle), swing, both))

@@ -46,7 +46,7 @@ class Offset:
     """xi, the DCM of the offset, smoothed [m], shape (2,)."""
 
     def velocity(self, omega: float) -> Vector:
-        """Dd = omega (xi - d) [m/s], shape (2,).
+        """Velocity dd = omega (xi - d) [m/s], shape (2,).
 
         Args:
             omega: sqrt(g/h) [1/s].

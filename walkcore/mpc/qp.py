@@ -10,7 +10,7 @@ exact solver's on the recorded walks (tests/test_recorded_walks.py).
 PIQP, an interior-point method, is the default: it takes the same time for every QP, be it of a
 walk or of a push, and solves the relaxed QP, whose cost has flat directions. DAQP, an active-set
 method, is exact and takes less than half as long on the walking QP, for whom many walks matter
-more than a steady tick; where it finds no solution, PIQP has the last word.
+more than a steady tick; where it finds no solution, PIQP decides.
 
 Every solve is bounded by iterations, whose number decides the same on every machine. A live walk limits the time too.
 """

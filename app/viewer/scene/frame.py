@@ -168,5 +168,8 @@ class Drawing(Protocol):
     """Drawing of one layer, made once on a canvas."""
 
     def update(self, updates: SceneUpdates, frame: Frame) -> None:
-        """Draw a frame; called for every frame in which the layer is shown."""
+        """Draw a frame; called for every frame in which the layer is shown.
+
+        Nodes move at every frame, through `updates` only; shapes change where `frame.has_lines`, ten times a second.
+        """
         ...
