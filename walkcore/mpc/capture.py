@@ -93,16 +93,17 @@ def viable_vertices(sole: Matrix, margin: float, region: Matrix, timing: StepTim
     return _viable_vertices(_plain(sole), margin, _plain(region), timing)
 
 
-Polygon = tuple[tuple[float, ...], ...]
+PlainVertices = tuple[tuple[float, ...], ...]
+"""Vertices that a cache can compare."""
 
 
-def _plain(vertices: Matrix) -> Polygon:
+def _plain(vertices: Matrix) -> PlainVertices:
     return tuple(map(tuple, vertices.tolist()))
 
 
 @lru_cache(maxsize=64)  # a change of other parameters during a walk asks for the same sets again
 def _viable_vertices(
-    sole: Polygon, margin: float, region: Polygon, timing: StepTiming
+    sole: PlainVertices, margin: float, region: PlainVertices, timing: StepTiming
 ) -> dict[Side, tuple[Matrix, ...]]:
     inner = inset_vertices(np.array(sole), margin)
     at_touchdown = capture_vertices(inner, np.array(region), timing)[Side.LEFT]
