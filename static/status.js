@@ -67,7 +67,7 @@ export class Status {
     else if (live.fault) this.set("fault", "stopped", `The server stopped the robot: ${live.fault}`);
     else if (live.status === 2) this.set("fallen", "fallen", `Fallen: ${live.reason || "no step can catch the robot"}.`);
     else if (!live.running) this.set("paused", "paused");
-    else if (this.isAtLimit(live)) this.set("relaxed", "at its limit", "The planned step led to a fall; another one was found", "warn");
+    else if (this.isAtLimit(live)) this.set("relaxed", "at its limit", "The planned step no longer suffices; another plan was found", "warn");
     else if (live.phase === 0) this.set("standing", "standing");
     else this.set("walking", "walking");
   }

@@ -394,7 +394,7 @@ def test_the_preview_of_a_push_foretells_shortened_steps(hurried):
     snapshots, parameters = hurried
     robot = load_robot("hrp2")
     assert effect_of_push(robot, snapshots[0], parameters).startswith("shortens steps to 0.")
-    assert effect_of_push(robot, snapshots[0], replace(parameters, step_duration=0.4)) == "gives up margin"
+    assert effect_of_push(robot, snapshots[0], replace(parameters, step_duration=0.4)) == "at its limit"
 
 
 def test_the_preview_of_a_push_says_that_a_law_without_a_qp_may_catch_what_it_does_not_foresee(hurried):

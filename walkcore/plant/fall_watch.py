@@ -25,7 +25,7 @@ PUSH_MATTERS = 10.0  # [s] in which a fall is told by the push
 SIGNS = {
     "cop_at_edge": "the CoP had reached the edge of the soles",
     "torque_saturated": "a joint's torque had reached its limit",
-    "step_too_short": "the step that was planned led to a fall",
+    "step_too_short": "the planned step no longer sufficed",
     "not_capturable": "the DCM had left the set from which a step can catch it",
     "sole_tilted": "the sole that stood had tilted",
 }

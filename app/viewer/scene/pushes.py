@@ -152,7 +152,7 @@ def effect_of_push(robot: Robot, after: Snapshot, parameters: Parameters) -> str
     if after.plan.footholds and shortened:
         return f"shortens steps to {' to '.join(f'{duration:g}' for duration in shortened)} s"
     if after.status is Status.RELAXED:
-        return "gives up margin"
+        return "at its limit"
     if after.phase is Phase.STANDING:
         return "steps" if after.plan.footholds else "stands"
     return "walks on"
