@@ -91,7 +91,7 @@ def test_a_session_does_not_begin_with_a_tick_that_ran_out_of_time():
         solves = 0 if tick in (0, 10, 15) else None
         log.begin()
         log.end(Command(), simulation.step(Command(), time_of_solves(solves)), solves)
-    session = Session.unpacked(log.segments(False))
+    session = Session.unpacked(log.last_minute())
     assert session.segments[0].ticks[0][1].tick == 20
     source = session.recording("driven", simulation.robot).scenario.source
     assert not any("solves_in_time" in event for event in source["events"])
@@ -136,7 +136,7 @@ def test_a_minute_is_kept_whatever_the_period(period):
         log.begin()
         log.end(Command(), snapshot)
         log.pack()
-    kept = sum(len(segment.ticks) for segment in Session.unpacked(log.segments(False)).segments) * period
+    kept = sum(len(segment.ticks) for segment in Session.unpacked(log.last_minute()).segments) * period
     assert 60.0 <= kept - session_log.TICKS_PER_SEGMENT * period < 62.0  # but for the segment that still grows
 
 

@@ -80,7 +80,7 @@ class WalkThatWas:
         while self._coming and self._coming[0].first_tick <= tick:
             self._segment = self._coming.popleft().unpacked()
         segment = self._segment
-        index = -1 if segment is None else tick - segment.state.model.tick
+        index = -1 if segment is None else tick - segment.first_tick
         if segment is None or not 0 <= index < len(segment.ticks):
             return None
         return PastTick(*segment.ticks[index], segment.solves_in_time.get(index), segment.parameters_at(index))
@@ -101,7 +101,7 @@ def restored(robot: Robot, kept: Sequence[PackedSegment], tick: int, stages: Sta
     if not kept:
         raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
     last = kept[-1].unpacked()
-    end = last.state.model.tick + len(last.ticks)
+    end = last.first_tick + len(last.ticks)
     if not kept[0].first_tick <= tick < end:
         raise InvalidValueError("tick", tick, f"must be between {kept[0].first_tick} and {end - 1}")
     segments: deque[Segment] = deque()
@@ -114,10 +114,10 @@ def restored(robot: Robot, kept: Sequence[PackedSegment], tick: int, stages: Sta
     simulation = Simulation(robot, first.parameters, stages, world=first.world)
     simulation.restore(first.state)
     for segment in segments:
-        for index, (command, _) in enumerate(segment.ticks[: max(tick - segment.state.model.tick, 0)]):
+        for index, (command, _) in enumerate(segment.ticks[: max(tick - segment.first_tick, 0)]):
             simulation.change(segment.parameters_at(index))
             simulation.step(command, time_of_solves(segment.solves_in_time.get(index)))
-    simulation.change(segments[-1].parameters_at(tick - segments[-1].state.model.tick))
+    simulation.change(segments[-1].parameters_at(tick - segments[-1].first_tick))
     return simulation
 
 

@@ -8,6 +8,7 @@ from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
 from walkcore.analysis.push_rose import PushRose
+from walkcore.mpc.plan import Status
 from walkcore.plant.world import PERFECT, World
 from walkcore.state import SimulationState
 
@@ -51,6 +52,16 @@ class SolveCounts:
     """Ticks on which the paper's QP had no solution that leads on, and the relaxed QP was solved."""
     failed: int = 0
     """Falls: ticks on which nothing could keep the robot up, one for each fall."""
+
+    def with_tick(self, before: Snapshot, now: Snapshot) -> "SolveCounts":
+        """The counts with one more tick in them.
+
+        Args:
+            before: snapshot of the tick before.
+            now: its own.
+        """
+        has_fallen = now.status is Status.FALLEN and before.status is not Status.FALLEN
+        return SolveCounts(self.relaxed + (now.status is Status.RELAXED), self.failed + has_fallen)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

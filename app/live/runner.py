@@ -25,6 +25,7 @@ from app.live.messages import NoResponseError
 from app.live.parameter_changes import ParameterChanges
 from app.live.plant_choice import PlantChoice
 from app.live.push_roses import PushRoses
+from app.live.session_log import PackedSegment
 from app.live.supervisor import Supervisor
 from app.live.timeline import Timeline
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
@@ -246,17 +247,17 @@ class Runner:
         pushes = RandomPushes(strength, interval, seed) if strength else None
         return self._request(Control.push_at_random, pushes)
 
-    def save(self, is_before_reset: bool = False) -> Iterator[bytes]:
+    def save(self, is_before_reset: bool = False) -> Iterator[PackedSegment]:
         """The last minute since the last reset, or of the walk before it, as it comes from the control process.
 
-        It is requested at once; to go on with the iterator waits. The items are as `Session.unpacked` reads them: to
-        unpack them is work for a process that has the time. Nothing here keeps them, which would be 30 MB.
+        It is requested at once; to go on with the iterator waits. To unpack the segments is work for a process that has
+        the time. Nothing here keeps them, which would be 30 MB.
 
         Raises:
             NothingToSaveError: from the iterator, if there was no walk before.
             NoResponseError: from the iterator, if the control process does not respond.
         """
-        items = SimpleQueue[bytes | Future[Any]]()
+        items = SimpleQueue[PackedSegment | Future[Any]]()
         response = self._request(Control.save, is_before_reset, take_item=items.put)
         response.add_done_callback(items.put)
         return _until_done(items)
@@ -265,10 +266,10 @@ class Runner:
         """The ticks of the present walk that are kept, and what happened at them."""
         return self._request(Control.timeline)
 
-    def past(self, tick: int) -> Future[bytes]:
+    def past(self, tick: int) -> Future[PackedSegment]:
         """The packed segment that holds a tick of the present walk, or the nearest one of those that are kept.
 
-        `app.live.session_log.unpacked` reads it. Fails with a `WalkError` where none is kept.
+        Fails with a `WalkError` where none is kept.
         """
         return self._request(Control.past, tick)
 
@@ -335,7 +336,7 @@ class Runner:
             link.set_reference(replace(self._command, expires_after=time_left))
 
 
-def _until_done(items: SimpleQueue[bytes | Future[Any]]) -> Iterator[bytes]:
+def _until_done(items: SimpleQueue[PackedSegment | Future[Any]]) -> Iterator[PackedSegment]:
     """The items in front of a future, which may fail instead."""
     while not isinstance(item := items.get(), Future):
         yield item
