@@ -26,7 +26,6 @@ from app.live.timeline import Timeline
 from walkcore import Command, Parameters, Push, Robot, Simulation, Snapshot
 from walkcore.plant.world import PERFECT, World
 from walkcore.stages import Stopwatch, TimeLeft, unlimited
-from walkcore.state import SimulationState
 
 logger = logging.getLogger(__name__)
 
@@ -71,7 +70,7 @@ class Control:
         self._publish, self._clock = publish, clock
         self._stopwatch = Stopwatch(clock)
         self._scheduler = TickScheduler(parameters.control_period, clock)
-        self._commands = CommandSource(parameters.control_period, clock)
+        self._commands = CommandSource(parameters.control_period)
         self._is_started = self._is_asleep = False
         self._attended_until = math.inf
         self._walk_before: list[PackedSegment] = []
@@ -90,11 +89,10 @@ class Control:
         walk = self._walk = LiveWalk(simulation, resumed.walk + 1, resumed.plant_reason)
         self._commands.push_at_random(resumed.random_pushes)
         self._scheduler.set_speed(resumed.speed)
-        self._scheduler.real_t = resumed.real_t
         state = replace(resumed, timing=timing, driver=driver, driver_client=NO_REFERENCE.client)
-        if not _is_restored(simulation, resumed.next_state):
-            self._scheduler.real_t = 0.0
+        if not walk.has_resumed(resumed.next_state):
             state = replace(state, snapshot=walk.step(Command()), fault="", real_t=0.0)
+        self._scheduler.real_t = state.real_t
         return walk.told_in(state)
 
     @property
@@ -115,13 +113,13 @@ class Control:
         try:
             self._take_tick(lambda: end - self._clock())
         except Exception as error:
-            self.fail(error)
+            logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
+            self._show(running=False, fault=reason(error))
 
-    def start(self) -> LiveState:
+    def start(self) -> None:
         """Let time pass for the first time."""
         self._is_started = True
         self._scheduler.restart()
-        return self.latest
 
     def attend(self, duration: float) -> None:
         """Stay awake: a robot that stands at rest, which nobody has attended for some time, sleeps, and its time stops.
@@ -274,7 +272,7 @@ class Control:
         Raises:
             InvalidValueError: if none is.
         """
-        return self._walk.past(tick)
+        return self._walk.log.around(tick)
 
     def fork(self, fork: Fork, segments: Path | None = None) -> Parameters:
         """Go on from an earlier tick, and return all parameters; time passes as before.
@@ -296,11 +294,6 @@ class Control:
         """Do the work that can wait for the pause between two ticks; takes about 1 ms."""
         self._walk.log.pack()
 
-    def fail(self, error: Exception) -> LiveState:
-        """Pause because of an unexpected error, and show it."""
-        logger.error("tick %d failed", self.latest.snapshot.tick + 1, exc_info=error)
-        return self._show(running=False, fault=reason(error))
-
     def _take_tick(self, time_left: TimeLeft = unlimited) -> None:
         started = self._clock()
         command, driver = self._commands.next(started, self._walk.forked)
@@ -315,26 +308,10 @@ class Control:
             driver_client=driver.client,
             real_t=self._scheduler.real_t,
         )
-        self._is_asleep = started > self._attended_until and self._repeats_itself(snapshot)
-
-    def _repeats_itself(self, snapshot: Snapshot) -> bool:
-        """Whether the coming ticks would be like this one."""
-        return snapshot.is_at_rest and not self._commands.pushes_at_random and self._walk.is_settled
+        may_sleep = started > self._attended_until and not self._commands.pushes_at_random
+        self._is_asleep = may_sleep and self._walk.repeats_itself(snapshot)
 
     def _show(self, **changed: Any) -> LiveState:
         self.latest = replace(self.latest, **changed)
         self._publish(self.latest)
         return self.latest
-
-
-def _is_restored(simulation: Simulation, state: SimulationState | None) -> bool:
-    """Go on from a state; False if there is none, or no tick that follows: the robot stands at rest then."""
-    try:
-        if state is not None:
-            simulation.restore(state)
-            simulation.preview(Command())
-            return True
-    except Exception as error:
-        logger.warning("the walk cannot go on (%s): the robot stands at rest", reason(error))
-    simulation.reset()
-    return False

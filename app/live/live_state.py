@@ -15,15 +15,15 @@ from walkcore.state import SimulationState
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceCommand:
-    """A reference, its source, and how long it holds."""
+    """A reference, its source, and until when it holds."""
 
     reference: Reference
     driver: str
     """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders", "rest", "phone" and
     "booth" of a booth's visitors and of its walk without them, or "past" while a
     forked walk follows the commands that came then."""
-    expires_after: float = math.inf
-    """Time on the wall after which the reference becomes zero [s]."""
+    expires_at: float = math.inf
+    """Time after which it becomes zero [s], on `time.perf_counter`, which all processes of the machine share."""
     client: str = ""
     """Name of the browser that gave it; empty where no browser did."""
 

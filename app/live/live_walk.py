@@ -1,5 +1,6 @@
 """One walk of the live robot since it last began: whatever begins the robot anew makes another one."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,8 @@ from typing import Any
 
 from app.live.fork import Fork, ForkedWalk, restored
 from app.live.live_state import LiveState
-from app.live.session_log import PackedSegment, SessionLog, read_segments
+from app.live.messages import reason
+from app.live.session_log import SessionLog, read_segments
 from app.live.timeline import Marks, Timeline
 from walkcore import Command, Parameters, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushRecoveryMonitor, balance_state
@@ -15,6 +17,9 @@ from walkcore.analysis.twin import TwinMonitor
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.balance_sets import BalanceSets
 from walkcore.stages import CountedTime, Stages, TimeLeft, unlimited
+from walkcore.state import SimulationState
+
+logger = logging.getLogger(__name__)
 
 
 class LiveWalk:
@@ -76,6 +81,18 @@ class LiveWalk:
             ForkedWalk(fork, kept, simulation.robot, simulation.parameters),
         )
 
+    def has_resumed(self, state: SimulationState | None) -> bool:
+        """Go on from a state that another process left; where no tick follows it, stand at rest and return False."""
+        try:
+            if state is not None:
+                self.simulation.restore(state)
+                self.simulation.preview(Command())
+                return True
+        except Exception as error:
+            logger.warning("the walk cannot go on (%s): the robot stands at rest", reason(error))
+        self.simulation.reset()
+        return False
+
     def step(self, command: Command, time_left: TimeLeft = unlimited) -> Snapshot:
         """Take the next tick.
 
@@ -131,23 +148,11 @@ class LiveWalk:
         """Number of the coming tick."""
         return self.simulation.state.model.tick
 
-    @property
-    def is_settled(self) -> bool:
-        """Whether neither a push nor a walk that was makes the coming ticks differ."""
-        return self.forked is None and not self.simulation.state.pushes
+    def repeats_itself(self, snapshot: Snapshot) -> bool:
+        """Whether the coming ticks would be like the latest, if no command came."""
+        return snapshot.is_at_rest and self.forked is None and not self.simulation.state.pushes
 
     def timeline(self) -> Timeline:
         """The ticks that are kept, and what happened at them."""
         first, last = self.log.first_tick, self.next_tick - 1
         return Timeline(self.number, first, last, self.parameters.control_period, self._marks.since(first))
-
-    def past(self, tick: int) -> PackedSegment:
-        """The segment that holds a tick, or the nearest one of those that are kept.
-
-        Raises:
-            InvalidValueError: if none is.
-        """
-        segment = self.log.around(min(max(tick, self.log.first_tick), self.next_tick - 1))
-        if segment is None:
-            raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
-        return segment

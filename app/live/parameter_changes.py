@@ -11,7 +11,6 @@ import zlib
 from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -140,10 +139,10 @@ class ParameterChanges:
         if len(sets) > MAX_SETS:
             sets = b""  # the control process computes them
         request = self._supervisor.link.request(Control.change, parameters.to_mapping(), sets)
-        with suppress(TimeoutError):
-            self._supervisor.parameters = request.result(RESPONSE_TIMEOUT)
-            return
-        raise NoResponseError("the control process does not make the change")
+        try:
+            request.result(RESPONSE_TIMEOUT)
+        except TimeoutError:
+            raise NoResponseError("the control process does not make the change") from None
 
 
 def _is_wanted(change: Change) -> bool:

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from walkcore import Command, Parameters, Robot, Simulation, Snapshot
+from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.plan import NO_BOUNDS, Plan
 from walkcore.plant.world import PERFECT, World
@@ -161,14 +162,21 @@ class SessionLog:
         """All segments that are kept."""
         while self._full or self._half_packed:
             self.pack()
-        return [*self._packed, *([] if self._growing is None else [PackedSegment.of(self._growing)])]
+        growing = self._growing
+        return [*self._packed, *([PackedSegment.of(growing)] if growing is not None and growing.ticks else [])]
 
-    def around(self, tick: int) -> PackedSegment | None:
-        """The segment of a tick; None if it is not kept."""
-        if self._growing is not None and tick >= self._growing.first_tick:
-            is_kept = tick < self._growing.first_tick + len(self._growing.ticks)
-            return PackedSegment.of(self._growing) if is_kept else None
-        return next((segment for segment in reversed(self.kept()) if segment.first_tick <= tick), None)
+    def around(self, tick: int) -> PackedSegment:
+        """The segment of a tick, or of the nearest one that is kept.
+
+        Raises:
+            InvalidValueError: if none is.
+        """
+        growing = self._growing
+        if growing is not None and growing.ticks and tick >= growing.first_tick:
+            return PackedSegment.of(growing)
+        if not (kept := self.kept()):
+            raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
+        return next((segment for segment in reversed(kept) if segment.first_tick <= tick), kept[0])
 
     def last_minute(self) -> list[PackedSegment]:
         """The segments that become a run where the walk is saved."""
