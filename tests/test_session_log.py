@@ -92,7 +92,7 @@ def test_a_session_does_not_begin_with_a_tick_that_ran_out_of_time():
         log.begin()
         log.end(Command(), simulation.step(Command(), time_of_solves(solves)), solves)
     session = Session.unpacked(log.last_minute())
-    assert session.segments[0].ticks[0][1].tick == 20
+    assert session.segments[0].ticks[0].snapshot.tick == 20
     source = session.recording("driven", simulation.robot).scenario.source
     assert not any("solves_in_time" in event for event in source["events"])
 

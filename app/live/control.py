@@ -90,7 +90,7 @@ class Control:
         self._commands.push_at_random(resumed.random_pushes)
         self._scheduler.set_speed(resumed.speed)
         state = replace(resumed, timing=timing, driver=driver, driver_client=NO_REFERENCE.client)
-        if not walk.has_resumed(resumed.next_state):
+        if not walk.restore(resumed.next_state):
             state = replace(state, snapshot=walk.step(Command()), fault="", real_t=0.0)
         self._scheduler.real_t = state.real_t
         return walk.told_in(state)

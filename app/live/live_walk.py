@@ -81,7 +81,7 @@ class LiveWalk:
             ForkedWalk(fork, kept, simulation.robot, simulation.parameters),
         )
 
-    def has_resumed(self, state: SimulationState | None) -> bool:
+    def restore(self, state: SimulationState | None) -> bool:
         """Go on from a state that another process left; where no tick follows it, stand at rest and return False."""
         try:
             if state is not None:
@@ -126,7 +126,6 @@ class LiveWalk:
             return
         self.simulation.change(after, sets)
         self._marks.change(self.next_tick, before, after)
-        self.log.change(after)
 
     def told_in(self, state: LiveState) -> LiveState:
         """A live state with all that is to be told of this walk after its latest tick, but for the snapshot."""

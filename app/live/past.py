@@ -39,7 +39,7 @@ class PastTicks:
         segment = await self._segment(tick)
         first, nb_ticks = segment.first_tick, len(segment.ticks)
         index = min(max(tick - first, 0), nb_ticks - 1)
-        return segment.ticks[index][1], segment.parameters_at(index), segment.world
+        return segment.ticks[index].snapshot, segment.ticks[index].parameters, segment.world
 
     async def before(self, tick: int, nb_ticks: int, every: int) -> Sequence[Snapshot]:
         """Some snapshots of the time before a tick, with equal gaps; fewer where fewer are kept.
@@ -67,7 +67,7 @@ class PastTicks:
                 self._segments.move_to_end(first)
                 return segment
         segment = (await asyncio.wrap_future(runner.past(tick))).unpacked()
-        if (self._runner(), runner.latest.walk) == walk and segment.ticks:
+        if (self._runner(), runner.latest.walk) == walk:
             self._segments[segment.first_tick] = segment
             if len(self._segments) > MAX_SEGMENTS:
                 self._segments.popitem(last=False)

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from walkcore import Command, Parameters, Robot, Simulation, Snapshot
 from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.plan import NO_BOUNDS, Plan
-from walkcore.plant.world import PERFECT, World
+from walkcore.plant.world import World
 from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.scenario.session import session_scenario
@@ -35,35 +36,36 @@ NOTHING = frozen_copy(np.zeros((0, 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LoggedTick:
+    """One tick of a walk: what led to it, and what came of it."""
+
+    command: Command
+    snapshot: Snapshot
+    """Without the trajectories of its plan."""
+    parameters: Parameters
+    """Parameters in force."""
+    solves_in_time: int | None = None
+    """Solves that it had time for; None if it had it for all of them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Segment:
     """A short part of a walk: the state that it began with, and its ticks."""
 
-    parameters: Parameters
-    """Parameters in force before its first tick."""
     state: SimulationState
-    ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
-    changes: dict[int, Parameters] = field(default_factory=dict)
-    """Parameters that came into force before a tick, by its index in this segment."""
-    world: World = PERFECT
+    world: World
     """World that the plant stands in."""
-    solves_in_time: dict[int, int] = field(default_factory=dict)
-    """Solves that the ticks without time for all of theirs had it for, by their index in this segment."""
+    ticks: list[LoggedTick] = field(default_factory=list)
 
     @property
     def first_tick(self) -> int:
         """Number of its first tick."""
         return self.state.model.tick
 
-    def parameters_at(self, index: int) -> Parameters:
-        """Parameters in force at one of its ticks, or at the one after its last."""
-        changes = [at for at in self.changes if at <= index]
-        return self.changes[max(changes)] if changes else self.parameters
-
-    def cut(self, nb_ticks: int) -> "Segment":
-        """Its first ticks only."""
-        changes = {at: value for at, value in self.changes.items() if at < nb_ticks}
-        solves = {at: value for at, value in self.solves_in_time.items() if at < nb_ticks}
-        return replace(self, ticks=self.ticks[:nb_ticks], changes=changes, solves_in_time=solves)
+    @property
+    def can_come_first(self) -> bool:
+        """Whether its state leads to its ticks: it does not hold the last plan, with which one without time goes on."""
+        return self.ticks[0].solves_in_time != 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +113,8 @@ class SessionLog:
         self._full: deque[Segment] = deque(maxlen=nb_segments)
         self._growing: Segment | None = None
         if earlier and tick > earlier[-1].first_tick:
-            self._growing = earlier[-1].unpacked().cut(tick - earlier[-1].first_tick)
-        self.change(simulation.parameters)
+            last = earlier[-1].unpacked()
+            self._growing = replace(last, ticks=last.ticks[: tick - last.first_tick])
 
     def begin(self) -> None:
         """Note the state before a tick where a segment begins with it."""
@@ -120,8 +122,7 @@ class SessionLog:
             return
         if self._growing is not None:
             self._full.append(self._growing)
-        now = self._simulation
-        self._growing = Segment(now.parameters, now.state, world=now.world)
+        self._growing = Segment(self._simulation.state, self._simulation.world)
 
     def end(self, command: Command, snapshot: Snapshot, solves_in_time: int | None = None) -> None:
         """Add the tick that `begin` announced.
@@ -132,15 +133,8 @@ class SessionLog:
             solves_in_time: see `walkcore.stages.CountedTime`.
         """
         assert self._growing is not None
-        if solves_in_time is not None:
-            self._growing.solves_in_time[len(self._growing.ticks)] = solves_in_time
-        self._growing.ticks.append((command, _light(snapshot)))
-
-    def change(self, parameters: Parameters) -> None:
-        """Note that other parameters are in force from the next tick on."""
-        growing = self._growing
-        if growing is not None and len(growing.ticks) < TICKS_PER_SEGMENT:  # else the next one begins with them
-            growing.changes[len(growing.ticks)] = parameters
+        tick = LoggedTick(command, _light(snapshot), self._simulation.parameters, solves_in_time)
+        self._growing.ticks.append(tick)
 
     def pack(self) -> None:
         """Pack one full segment by a half."""
@@ -230,8 +224,7 @@ class Session:
     def unpacked(cls, segments: Iterable[PackedSegment]) -> "Session":
         """The session of some segments, one after the other."""
         found = [segment.unpacked() for segment in segments]
-        # A state does not hold the last plan, with which a tick without time goes on: such a one cannot come first.
-        start = next((i for i, segment in enumerate(found) if 0 not in segment.solves_in_time), 0)
+        start = next((i for i, segment in enumerate(found) if segment.can_come_first), 0)
         return cls(found[start:])
 
     def recording(self, name: str, robot: Robot) -> Recording:
@@ -241,26 +234,14 @@ class Session:
             name: of its scenario, whose replay leads to the same rows.
             robot: that walked.
         """
-        ticks = [tick for segment in self.segments for tick in segment.ticks]
-        first = self.segments[0]
-        commands = [command for command, _ in ticks]
-        changes, solves = dict(self._changes()), dict(self._solves_in_time())
-        mapping = session_scenario(name, robot, first.parameters, first.state, commands, changes, first.world, solves)
+        first, ticks = self.segments[0], [tick for segment in self.segments for tick in segment.ticks]
+        changes = {
+            i: now.parameters for i, (was, now) in enumerate(pairwise(ticks), 1) if now.parameters != was.parameters
+        }
+        solves = {i: tick.solves_in_time for i, tick in enumerate(ticks) if tick.solves_in_time is not None}
+        commands = [tick.command for tick in ticks]
+        mapping = session_scenario(
+            name, robot, ticks[0].parameters, first.state, commands, changes, first.world, solves
+        )
         body = None if robot.body is None else WholeBody(robot.body)
-        return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
-
-    def _solves_in_time(self) -> Iterator[tuple[int, int]]:
-        start = 0
-        for segment in self.segments:
-            yield from ((start + index, solves) for index, solves in segment.solves_in_time.items())
-            start += len(segment.ticks)
-
-    def _changes(self) -> Iterator[tuple[int, Parameters]]:
-        """Changed parameters, by the index of the tick before which they came into force."""
-        in_force, start = self.segments[0].parameters, 0
-        for segment in self.segments:
-            for index, parameters in {0: segment.parameters, **segment.changes}.items():
-                if parameters != in_force:
-                    yield start + index, parameters
-                    in_force = parameters
-            start += len(segment.ticks)
+        return collect(scenario_from_mapping(mapping), (tick.snapshot for tick in ticks), body)

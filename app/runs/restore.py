@@ -74,7 +74,6 @@ def _walked(scenario: Scenario, simulation: Simulation, log: SessionLog) -> Iter
     for k, command in enumerate(scenario.commands()):
         if k in changes:
             simulation.change(changes[k])
-            log.change(changes[k])
         log.begin()
         counted = CountedTime(time_of_solves(solves.get(k)))
         snapshot = simulation.step(command, counted)
