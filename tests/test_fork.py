@@ -88,7 +88,7 @@ def test_ticks_that_ran_out_of_time_come_again_as_they_were():
     starts = [
         segment.first_tick
         for segment in (packed.unpacked() for packed in control.save(False))
-        if segment.ticks[0].solves_in_time == 0 and segment.first_tick > 0
+        if not segment.can_come_first and segment.first_tick > 0
     ]
     assert starts
     for tick in (starts[-1] + 3, starts[0], 31):  # where a segment begins with a tick that takes up the last plan

@@ -88,7 +88,7 @@ def test_a_session_does_not_begin_with_a_tick_that_ran_out_of_time():
     simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.02))
     log = SessionLog(simulation)
     for tick in range(40):
-        solves = 0 if tick in (0, 10, 15) else None
+        solves = {0: 0, 10: 1, 15: 0}.get(tick)
         log.begin()
         log.end(Command(), simulation.step(Command(), time_of_solves(solves)), solves)
     session = Session.unpacked(log.last_minute())

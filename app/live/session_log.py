@@ -65,7 +65,7 @@ class Segment:
     @property
     def can_come_first(self) -> bool:
         """Whether its state leads to its ticks: it does not hold the last plan, with which one without time goes on."""
-        return self.ticks[0].solves_in_time != 0
+        return self.ticks[0].solves_in_time is None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
