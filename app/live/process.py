@@ -48,7 +48,7 @@ class ControlProcess:
 
         Args:
             server: for requests and responses.
-            memory: for the latest reference, push and state.
+            memory: for the latest values in both directions.
         """
         self._server, self._memory = server, memory
         self._published_at = self._collected_at = 0.0

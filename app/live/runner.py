@@ -1,8 +1,8 @@
 """The robot that walks in real time, as the server sees it: commands and requests in, latest state out.
 
 The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks and its ticks wait
-for nobody: state, reference and push are single places in shared memory where the latest value wins, and what pauses,
-resumes, steps or resets is a request with a response.
+for nobody: state, parameters, reference and push are values in shared memory, of which the latest wins, and what
+pauses, resumes, steps or resets is a request with a response.
 """
 
 import math
