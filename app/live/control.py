@@ -81,6 +81,7 @@ class Control:
         publish(self.latest)
 
     def _first_state(self, simulation: Simulation, resumed: LiveState | None) -> LiveState:
+        """Begin the first walk of this process, at rest or where another one left it."""
         timing, driver = self._scheduler.timing, NO_REFERENCE.driver
         if resumed is None:
             walk = self._walk = LiveWalk(simulation)
