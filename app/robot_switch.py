@@ -18,7 +18,7 @@ from app.live.driver_lease import DriverLease
 from app.live.messages import NoResponseError
 from app.live.plant_choice import PlantChoice
 from app.live.runner import Runner
-from app.live.session_log import read_segments, write_segments
+from app.live.session_log import PackedSegment, read_segments, write_segments
 from app.robot_choices import RobotChoices
 from app.viewer import RenderQuality, Viewer
 from walkcore import Robot, WalkError
@@ -57,8 +57,8 @@ class LiveSession:
     """The last minute of a robot that walks or walked here."""
 
     robot: Robot
-    segments: Iterator[bytes]
-    """As `SessionLog.segments` packs them; they may still come."""
+    segments: Iterator[PackedSegment]
+    """One after the other; they may still come."""
 
 
 class RobotSwitch:
@@ -208,8 +208,8 @@ class FormerWalk:
                 former.forget()
             return None
 
-    def segments(self) -> Iterator[bytes]:
-        """The walk as `SessionLog.segments` packed it."""
+    def segments(self) -> Iterator[PackedSegment]:
+        """The segments of the walk."""
         return read_segments(self._path)
 
     def forget(self) -> None:

@@ -15,7 +15,7 @@ from conftest import PATIENCE, wait_for
 
 from app.http.run_schemas import RunSummary
 from app.live.control import Control
-from app.live.session_log import Session
+from app.live.session_log import PackedSegment, Session
 from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
 from app.runs import Run, RunLimits, Runs
 from app.runs.run import RunProgress
@@ -35,7 +35,7 @@ def runs(tmp_path) -> Iterator[Runs]:
 
 
 @pytest.fixture(scope="module")
-def session() -> list[bytes]:
+def session() -> list[PackedSegment]:
     """A short walk, as the control process packs it."""
     control = Control(HRP2, Parameters(control_period=0.02), lambda _: None)
     for _ in range(30):
@@ -62,17 +62,20 @@ def test_a_walk_goes_to_its_file_as_it_comes_and_is_not_held(runs, session):
     """One segment at most of those that come from the control process is alive at a time."""
     alive = 0
 
-    class Held(bytes):
+    class Held(PackedSegment):
+        def __reduce__(self) -> tuple[type[PackedSegment], tuple[int, bytes]]:
+            return PackedSegment, (self.first_tick, self.data)
+
         def __del__(self) -> None:
             nonlocal alive
             alive -= 1
 
-    def come() -> Iterator[bytes]:
+    def come() -> Iterator[PackedSegment]:
         nonlocal alive
         for segment in session:
             assert alive <= 1  # the one before, until this one takes its name
             alive += 1
-            yield Held(segment)
+            yield Held(segment.first_tick, segment.data)
 
     assert runs.add_session(come(), "driven", HRP2).status == "done"
     assert alive == 0
@@ -94,7 +97,7 @@ def test_so_many_walks_are_saved_at_once_and_no_more(runs):
 
 def test_a_walk_that_cannot_be_written_leaves_nothing(runs, tmp_path):
     with pytest.raises(Exception, match="pickle"):
-        runs.add_session([b"no session"], "broken", HRP2)
+        runs.add_session([PackedSegment(0, b"no session")], "broken", HRP2)
     assert runs.list() == [] and files(tmp_path / "unfinished") == []
 
 

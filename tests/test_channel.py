@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.live.channel import LatestValue
+from app.live.channel import LatestValue, SharedValue
 
 CAPACITY = 4096
 
@@ -135,3 +135,12 @@ def test_a_reader_that_is_overtaken_for_ever_keeps_the_value_that_it_had(latest,
     monkeypatch.setattr("app.live.channel.time.sleep", lambda _: None)
     message = latest.read()
     assert (message.count, message.data) == (1, b"one")
+
+
+def test_an_object_is_unpickled_once_and_taken_once(memory):
+    written, read = (SharedValue[list[int]](memoryview(memory), CAPACITY) for _ in range(2))
+    assert read.latest is None and read.take() is None
+    for value in ([1], [1], [2]):
+        written.write(value)
+        assert read.latest == value and read.latest is read.latest
+        assert (read.take(), read.take()) == (value, None)

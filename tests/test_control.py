@@ -115,7 +115,7 @@ def test_steps_and_samples_are_taken_only_while_paused(control, clock):
 
 def test_a_reference_expires_on_the_wall_and_a_held_one_does_not(control, clock):
     control.set_speed(0.1)
-    control.set_reference(ReferenceCommand(Reference(vx=0.1), "joystick", expires_after=0.4, client="me"))
+    control.set_reference(ReferenceCommand(Reference(vx=0.1), "joystick", expires_at=clock.now + 0.4, client="me"))
     walk(control, clock, 2)
     assert (control.latest.driver, control.latest.driver_client) == ("joystick", "me")
     walk(control, clock, 2)

@@ -86,9 +86,9 @@ def test_ticks_that_ran_out_of_time_come_again_as_they_were():
     was = recording(control, HRP2)
     assert any("solves_in_time" in event for event in was.scenario.source["events"])
     starts = [
-        segment.state.model.tick
-        for segment in map(session_log.unpacked, control.save(False))
-        if segment.solves_in_time.get(0) == 0 and segment.state.model.tick > 0
+        segment.first_tick
+        for segment in (packed.unpacked() for packed in control.save(False))
+        if not segment.can_come_first and segment.first_tick > 0
     ]
     assert starts
     for tick in (starts[-1] + 3, starts[0], 31):  # where a segment begins with a tick that takes up the last plan
@@ -155,12 +155,12 @@ def test_every_tick_that_is_kept_can_be_looked_at():
     line = control.timeline()
     assert (line.first_tick, line.last_tick, line.control_period) == (0, 74, 0.02)
     for tick in (-5, 0, 9, 10, 42, 74, 99):
-        segment = session_log.unpacked(control.past(tick))
-        ticks = [snapshot.tick for _, snapshot in segment.ticks]
+        segment = control.past(tick).unpacked()
+        ticks = [was.snapshot.tick for was in segment.ticks]
         assert min(max(tick, 0), 74) in ticks
     control.fork(Fork(42))
     assert control.timeline().walk == line.walk + 1 and control.timeline().last_tick == 42
-    assert [snapshot.tick for _, snapshot in session_log.unpacked(control.past(42)).ticks][-1] == 42
+    assert control.past(42).unpacked().ticks[-1].snapshot.tick == 42
 
 
 def test_a_fork_that_cannot_be_leaves_the_present_walk():

@@ -9,7 +9,7 @@ from conftest import Clock, serving
 from app.http.live_json import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
-from app.live.parameter_changes import sets_in_parts
+from app.live.parameter_changes import packed_sets
 from app.live.plant_choice import suitable_plant
 from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, load_robot, record
@@ -93,14 +93,12 @@ def test_no_tick_waits_for_a_twin_to_be_built(control, monkeypatch):
         raise AssertionError("computed between two ticks")
 
     parameters = control.parameters.changed({"twin": True, "cop_margin": 0.025})
-    parts = sets_in_parts(TALOS, parameters)
+    sets = packed_sets(TALOS, parameters)
     control.step(10)
     monkeypatch.setattr("walkcore.simulation.WholeBody", refuse)
     monkeypatch.setattr("walkcore.mpc.pattern_generator.balance_sets", refuse)
-    for part in parts:
-        control.prepare(1, part)
     for values in ({"twin": True, "cop_margin": 0.025}, {"twin": False}, {"twin": True}):
-        control.change(values, 1, len(parts))
+        control.change(values, sets)
         state = control.step(5)
         assert (state.snapshot.twin is not None) is values["twin"]
         assert state.twin_difference == ("both are up, 0 cm from each other" if values["twin"] else "")

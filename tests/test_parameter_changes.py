@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from app.live.control import Control
 from app.live.messages import NoResponseError
-from app.live.parameter_changes import MAX_WAITING, sets_in_parts
+from app.live.parameter_changes import MAX_WAITING, packed_sets
 from app.live.runner import Runner
 from walkcore import Command, Parameters, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
@@ -136,29 +136,24 @@ def test_a_change_that_nobody_waits_for_any_more_is_not_made(runner):
 def test_the_control_loop_computes_nothing_of_a_prepared_change(step_timing, monkeypatch):
     control = Control(HRP2, Parameters(step_timing=step_timing), lambda _: None)
     parameters = control.parameters.changed({"step_duration": 1.0, "cop_margin": 0.02})
-    parts = sets_in_parts(HRP2, parameters)
+    sets = packed_sets(HRP2, parameters)
 
     def fail(*_: object) -> None:
         raise AssertionError("computed in the control loop")
 
     monkeypatch.setattr(pattern_generator, "balance_sets", fail)
     monkeypatch.setattr(supports, "capture_sets", fail)
-    for part in parts:
-        control.prepare(1, part)
-    assert control.change(parameters.to_mapping(), 1, len(parts)) == parameters
-    with pytest.raises(AssertionError):  # what was prepared for another change is not taken
-        control.change({"step_duration": 0.8}, 2, len(parts))
+    assert control.change(parameters.to_mapping(), sets) == parameters
+    with pytest.raises(AssertionError):
+        control.change({"step_duration": 0.8})
 
 
 def test_a_prepared_change_walks_as_one_that_was_not():
     parameters = Parameters().changed({"step_duration": 1.0})
     walks = []
-    for token in (0, 1):
+    for sets in (b"", packed_sets(HRP2, parameters)):
         control = Control(HRP2, Parameters(), lambda _: None)
-        parts = sets_in_parts(HRP2, parameters)
-        for part in parts:
-            control.prepare(1, part)
-        control.change({"step_duration": 1.0}, token, len(parts))
+        control.change({"step_duration": 1.0}, sets)
         control.pause()
         walks.append(control.step(50).snapshot.com.matrix.tobytes())
     assert walks[0] == walks[1]

@@ -158,7 +158,7 @@ def test_the_scene_of_the_past_changes_all_that_the_live_one_changes(viser_serve
     robot = load_robot(name)
     parameters = robot.parameters.changed({"control_period": 0.02})
     log, simulation = packed_walk(robot, parameters)
-    snapshots = [snap for seg in Session.unpacked(log.segments(False)).segments for _, snap in seg.ticks]
+    snapshots = [tick.snapshot for seg in Session.unpacked(log.last_minute()).segments for tick in seg.ticks]
     live = Scene(viser_server, robot, LIGHT)
     for layer in ("regions", "active", "trails", "see_through"):
         live.show(layer, True)

@@ -56,7 +56,7 @@ def standing(robot: Robot, parameters: Parameters) -> Control:
 def driven(robot: Robot, parameters: Parameters, nb_ticks: int, clock: JumpingClock | None = None) -> Recording:
     """A session that does not begin at rest."""
     control = walked(robot, parameters, nb_ticks, changed_at=30, clock=clock)
-    control._log._packed.popleft()
+    control._walk.log._packed.popleft()
     return recording(control, robot)
 
 

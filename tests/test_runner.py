@@ -14,7 +14,7 @@ from conftest import PATIENCE, wait_for
 
 from app.live import link as link_module
 from app.live.control import Control, NotPausedError
-from app.live.messages import NoResponseError, has_sent
+from app.live.messages import NoResponseError, PartKind, has_sent
 from app.live.runner import Runner
 from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, WalkError, load_robot
@@ -179,6 +179,16 @@ def test_a_killed_control_process_is_reported_refuses_and_starts_again_where_it_
     assert mortal.change({"beta": 2.0}).result(PATIENCE).cop_margin == 0.02
 
 
+def test_the_parameters_in_force_are_known_though_nobody_waits_for_the_response(mortal):
+    mortal.pause().result(PATIENCE)
+    mortal.begin({"alpha": 1e-5}, {}).cancel()
+    wait_for(lambda: mortal.parameters.alpha == 1e-5)
+    os.kill(mortal.process_id, signal.SIGKILL)
+    wait_for(lambda: mortal.trouble != "")
+    wait_for(lambda: mortal.trouble == "")
+    assert mortal.parameters.alpha == 1e-5 and mortal.parameters is mortal.parameters
+
+
 def test_a_paused_robot_is_paused_at_the_same_tick_after_its_process_was_killed(mortal):
     tick = mortal.pause().result(PATIENCE).snapshot.tick
     os.kill(mortal.process_id, signal.SIGKILL)
@@ -222,7 +232,7 @@ def test_no_message_ends_the_process_or_a_thread_or_the_walk(mortal):
     process, tick = mortal.process_id, mortal.latest.snapshot.tick
     for garbage in (b"x", b"\x80", pickle.dumps(None), pickle.dumps((1, 2)), b"y" * 100_000):
         assert has_sent(link._socket, garbage)
-    link._deliver(10**9, "nobody's")
+    link._deliver(10**9, PartKind.VALUE, "nobody's")
     with pytest.raises(NoResponseError):
         link.request(Control.change, {"a": "x" * 200_000}).result(PATIENCE)
     for arguments in (({"a": "x" * 100_000},), (), ([],), (1, 2, 3)):

@@ -88,11 +88,11 @@ def test_a_session_does_not_begin_with_a_tick_that_ran_out_of_time():
     simulation = Simulation(load_robot("hrp2"), Parameters(control_period=0.02))
     log = SessionLog(simulation)
     for tick in range(40):
-        solves = 0 if tick in (0, 10, 15) else None
+        solves = {0: 0, 10: 1, 15: 0}.get(tick)
         log.begin()
         log.end(Command(), simulation.step(Command(), time_of_solves(solves)), solves)
-    session = Session.unpacked(log.segments(False))
-    assert session.segments[0].ticks[0][1].tick == 20
+    session = Session.unpacked(log.last_minute())
+    assert session.segments[0].ticks[0].snapshot.tick == 20
     source = session.recording("driven", simulation.robot).scenario.source
     assert not any("solves_in_time" in event for event in source["events"])
 
@@ -136,7 +136,7 @@ def test_a_minute_is_kept_whatever_the_period(period):
         log.begin()
         log.end(Command(), snapshot)
         log.pack()
-    kept = sum(len(segment.ticks) for segment in Session.unpacked(log.segments(False)).segments) * period
+    kept = sum(len(segment.ticks) for segment in Session.unpacked(log.last_minute()).segments) * period
     assert 60.0 <= kept - session_log.TICKS_PER_SEGMENT * period < 62.0  # but for the segment that still grows
 
 

@@ -134,6 +134,7 @@ def test_a_state_that_cannot_go_on_leaves_the_robot_at_rest(caplog):
     for broken in (None, replace(state.next_state, driver=None), replace(state.next_state, model=None)):
         other = resumed(replace(state, next_state=broken))
         assert (other.latest.snapshot.tick, other.latest.snapshot.phase, other.latest.running) == (0, 0, False)
+        assert other.latest.walk == state.walk + 1, "segments of the walk before would be taken for its own"
     assert "stands at rest" in caplog.text
 
 

@@ -1,21 +1,27 @@
 """Memory that the server and its control process share: for each direction the latest value, and nothing older.
 
-Nobody waits: a value goes to the oldest
-of a few buffers, then the count in front of them moves on. Each buffer is a sequence lock: its number is cleared before
-the value changes and set after it, and a reader that finds another number than the count, or a checksum that does not
-fit, was overtaken and reads again. Count and numbers are single words of the machine, which are written and read
-whole: `struct.pack_into` would write them byte by byte, over zeros.
+Nobody waits: a value goes to the oldest of a few buffers, then the count in front of them moves on. Each buffer is a
+sequence lock: its number is cleared before the value changes and set after it, and a reader that finds another number
+than the count, or a checksum that does not fit, was overtaken and reads again. Count and numbers are single words of
+the machine, which are written and read whole: `struct.pack_into` would write them byte by byte, over zeros.
 """
 
 import mmap
 import os
+import pickle
 import struct
 import tempfile
 import time
 import zlib
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-STATE_CAPACITY, INPUT_CAPACITY = 256 * 1024, 1024  # bytes
+from app.live.live_state import LiveState, ReferenceCommand
+from walkcore import Parameters, Push
+
+T = TypeVar("T")
+
+STATE_CAPACITY, SMALL_CAPACITY = 256 * 1024, 4096  # bytes of a state, and of all else
 WORD = 8  # bytes
 HEADER = struct.Struct("<QdQ")  # count, time, length: what the checksum covers beside the value
 NB_BUFFERS = 4
@@ -110,8 +116,41 @@ def _buffer_size(capacity: int) -> int:
     return 2 * WORD + HEADER.size + -(-capacity // WORD) * WORD
 
 
+class SharedValue(Generic[T]):
+    """An object in shared memory, of which the latest wins: pickled by who writes it, unpickled once by who reads."""
+
+    def __init__(self, memory: memoryview, capacity: int) -> None:
+        """Use the beginning of a memory, as `LatestValue` does."""
+        self._shared = LatestValue(memory, capacity)
+        self._read: tuple[int, T | None] = 0, None
+        self._taken: T | None = None
+
+    def write(self, value: T) -> None:
+        """Replace the value."""
+        self._shared.write(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+
+    @property
+    def latest(self) -> T | None:
+        """The latest value, the same object until there is a newer one; None before the first."""
+        message, (count, value) = self._shared.read(), self._read
+        if message.count != count:
+            value = pickle.loads(message.data)
+            self._read = message.count, value
+        return value
+
+    @property
+    def written_at(self) -> float:
+        """Time at which the latest value was written, as in `Message` [s]; 0 before the first."""
+        return self._shared.read().written_at
+
+    def take(self) -> T | None:
+        """The latest value the first time that it is asked for, None afterwards. Belongs to one thread."""
+        before, self._taken = self._taken, self.latest
+        return None if self._taken is before else self._taken
+
+
 class ControlMemory:
-    """The three latest values between server and control process, in an unnamed file that both map.
+    """The latest values between server and control process, in an unnamed file that both map.
 
     The file vanishes when both processes have closed it.
     """
@@ -119,17 +158,18 @@ class ControlMemory:
     def __init__(self, descriptor: int) -> None:
         """Map a file that `create_file` made."""
         view = memoryview(mmap.mmap(descriptor, _SIZE))
-        reference_at = LatestValue.size(STATE_CAPACITY)
-        push_at = reference_at + LatestValue.size(INPUT_CAPACITY)
-        self.state = LatestValue(view, STATE_CAPACITY)
-        """A pickled `LiveState`, written by the control process."""
-        self.reference = LatestValue(view[reference_at:], INPUT_CAPACITY)
-        """A pickled `ReferenceCommand`, written by the server."""
-        self.push = LatestValue(view[push_at:], INPUT_CAPACITY)
-        """A pickled `Push`, written by the server."""
+        small = [view[LatestValue.size(STATE_CAPACITY) + i * LatestValue.size(SMALL_CAPACITY) :] for i in range(3)]
+        self.state = SharedValue[LiveState](view, STATE_CAPACITY)
+        """Written by the control process, after each tick and each request."""
+        self.parameters = SharedValue[Parameters](small[0], SMALL_CAPACITY)
+        """Written by the control process, once others are in force than it began with."""
+        self.reference = SharedValue[ReferenceCommand](small[1], SMALL_CAPACITY)
+        """Written by the server."""
+        self.push = SharedValue[Push](small[2], SMALL_CAPACITY)
+        """Written by the server."""
 
 
-_SIZE = LatestValue.size(STATE_CAPACITY) + 2 * LatestValue.size(INPUT_CAPACITY)
+_SIZE = LatestValue.size(STATE_CAPACITY) + 3 * LatestValue.size(SMALL_CAPACITY)
 
 
 def create_file() -> int:

@@ -1,7 +1,6 @@
 """The command of each tick of a live walk: reference and pushes as they were requested last, or pushes at random."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,14 +15,13 @@ PAST = ReferenceCommand(Reference(), "past")
 class CommandSource:
     """The latest reference until it expires, and the push of the coming tick."""
 
-    def __init__(self, control_period: float, clock: Callable[[], float]) -> None:
+    def __init__(self, control_period: float) -> None:
         """Begin without either.
 
         Args:
             control_period: from one tick to the next [s].
-            clock: reads the time on the wall [s].
         """
-        self._period, self._clock = control_period, clock
+        self._period = control_period
         self._random_pusher: RandomPusher | None = None
         self.begin()
 
@@ -49,7 +47,7 @@ class CommandSource:
 
     def set_reference(self, command: ReferenceCommand) -> None:
         """Follow a reference from the next tick on."""
-        self._command, self._commanded_at = command, self._clock()
+        self._command = command
 
     def push(self, push: Push) -> None:
         """Begin a push at the next tick; of several before it the last one counts."""
@@ -66,7 +64,7 @@ class CommandSource:
             now: time on the wall [s].
             forked: walk whose commands come again, while it follows them; None where none does.
         """
-        if now > self._commanded_at + self._command.expires_after:
+        if now > self._command.expires_at:
             self._command = NO_REFERENCE
         push, self._push = self._push, None
         if forked is not None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from app.live.session_log import PackedSegment, Segment
+from app.live.session_log import LoggedTick, PackedSegment, Segment
 from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome, PushRecoveryMonitor, balance_state
 from walkcore.errors import EmptyRegionError, InvalidValueError
@@ -50,17 +50,6 @@ class Fork:
         return not self.follows or self.reference is not None or self.push is not None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PastTick:
-    """One tick of the walk that was."""
-
-    command: Command
-    snapshot: Snapshot
-    """Without the trajectories of its plan."""
-    solves_in_time: int | None
-    parameters: Parameters
-
-
 class WalkThatWas:
     """The ticks of a walk from one of its ticks on, read in their order."""
 
@@ -75,15 +64,13 @@ class WalkThatWas:
         self._coming = deque(kept[start:])
         self._segment: Segment | None = None
 
-    def at(self, tick: int) -> PastTick | None:
+    def at(self, tick: int) -> LoggedTick | None:
         """A tick, never an earlier one than before; None once the walk is over."""
         while self._coming and self._coming[0].first_tick <= tick:
             self._segment = self._coming.popleft().unpacked()
         segment = self._segment
-        index = -1 if segment is None else tick - segment.state.model.tick
-        if segment is None or not 0 <= index < len(segment.ticks):
-            return None
-        return PastTick(*segment.ticks[index], segment.solves_in_time.get(index), segment.parameters_at(index))
+        index = -1 if segment is None else tick - segment.first_tick
+        return None if segment is None or not 0 <= index < len(segment.ticks) else segment.ticks[index]
 
 
 def restored(robot: Robot, kept: Sequence[PackedSegment], tick: int, stages: Stages) -> Simulation:
@@ -101,23 +88,22 @@ def restored(robot: Robot, kept: Sequence[PackedSegment], tick: int, stages: Sta
     if not kept:
         raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
     last = kept[-1].unpacked()
-    end = last.state.model.tick + len(last.ticks)
+    end = last.first_tick + len(last.ticks)
     if not kept[0].first_tick <= tick < end:
         raise InvalidValueError("tick", tick, f"must be between {kept[0].first_tick} and {end - 1}")
     segments: deque[Segment] = deque()
     for packed in reversed([segment for segment in kept if segment.first_tick <= tick]):
         segments.appendleft(packed.unpacked())
-        # A state does not hold the last plan, with which a tick without time goes on: such a one cannot come first.
-        if 0 not in segments[0].solves_in_time:
+        if segments[0].can_come_first:
             break
     first = segments[0]
-    simulation = Simulation(robot, first.parameters, stages, world=first.world)
+    simulation = Simulation(robot, first.ticks[0].parameters, stages, world=first.world)
     simulation.restore(first.state)
     for segment in segments:
-        for index, (command, _) in enumerate(segment.ticks[: max(tick - segment.state.model.tick, 0)]):
-            simulation.change(segment.parameters_at(index))
-            simulation.step(command, time_of_solves(segment.solves_in_time.get(index)))
-    simulation.change(segments[-1].parameters_at(tick - segments[-1].state.model.tick))
+        for was in segment.ticks[: max(tick - segment.first_tick, 0)]:
+            simulation.change(was.parameters)
+            simulation.step(was.command, time_of_solves(was.solves_in_time))
+    simulation.change(segments[-1].ticks[tick - segments[-1].first_tick].parameters)
     return simulation
 
 
@@ -224,7 +210,7 @@ class ForkedWalk:
         self._was = Tally(robot.mass, deepcopy(monitor), since)
         self._now = Tally(robot.mass, deepcopy(monitor), since)
         self._since, self._tick = since, fork.tick
-        self._next: PastTick | None = None
+        self._next: LoggedTick | None = None
 
     def begin(self) -> None:
         """Look at the next tick of the walk that was."""
@@ -268,7 +254,7 @@ def _warm_monitor(kept: Sequence[PackedSegment], tick: int, nb_ticks: int, mass:
     before = [segment for segment in kept if segment.first_tick < tick]
     first = max((i for i, segment in enumerate(before) if segment.first_tick <= tick - nb_ticks), default=0)
     for packed in before[first:]:
-        for _, snapshot in packed.unpacked().ticks:
-            if snapshot.tick < tick:
-                monitor.update(balance_state(snapshot, mass))
+        for was in packed.unpacked().ticks:
+            if was.snapshot.tick < tick:
+                monitor.update(balance_state(was.snapshot, mass))
     return monitor

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import pickle
 import signal
 import socket
 import subprocess
@@ -22,6 +21,7 @@ from app.live.messages import (
     MAX_MESSAGE,
     MessageTooLongError,
     NoResponseError,
+    PartKind,
     Request,
     ResponseParts,
     has_sent,
@@ -37,6 +37,9 @@ START_TIMEOUT = 120.0  # [s] for the process to put the robot at rest, on a mach
 EXIT_TIMEOUT = 2.0  # [s] for the process to end by itself
 EXPIRY = 5.0  # [s] after which a request that has not been begun is dropped
 MAX_REQUESTS = 64  # under way at once
+
+TakeItem = Callable[[Any], object] | None
+"""What each item of a response is given to, in the thread that receives responses; None drops them."""
 
 
 class ControlLink:
@@ -63,15 +66,13 @@ class ControlLink:
         )
         theirs.close()
         os.close(file)
-        self._started_at = time.perf_counter()
+        self._started_at, self._parameters = time.perf_counter(), parameters
         self._lock = threading.Lock()
         self._numbers = count(1)
         self.created: Future[LiveState] = Future()
         """The first state of the robot; fails with a `WalkError` if it cannot stand."""
-        self._waiting: dict[int, tuple[Future[Any], Callable[[Any], Any]]] = {0: (self.created, _unchanged)}
-        self._takers: dict[int, Callable[[Any], object]] = {}
-        """Functions that take the items of lists, by the numbers of their requests."""
-        self._seen: tuple[int, float, LiveState] | None = None
+        self._waiting: dict[int, tuple[Future[Any], TakeItem]] = {0: (self.created, None)}
+        """Responses that have not come, by the numbers of their requests, and what takes their items."""
         self.end = ""
         """Why the process is gone; empty while it lives."""
         self.ended = threading.Event()
@@ -88,7 +89,7 @@ class ControlLink:
     @property
     def silence(self) -> float:
         """Time since the process was last heard of [s], its start included."""
-        return time.perf_counter() - (self._memory.state.read().written_at or self._started_at)
+        return time.perf_counter() - (self._memory.state.written_at or self._started_at)
 
     @property
     def trouble(self) -> str:
@@ -102,13 +103,8 @@ class ControlLink:
     @property
     def last_state(self) -> LiveState:
         """The state after the latest tick that was heard of; the same object until it changes."""
-        self.created.result()
-        message, seen = self._memory.state.read(), self._seen
-        if not message.count:
-            return self.created.result()
-        if seen is None or seen[0] != message.count:
-            seen = self._seen = (message.count, message.written_at, pickle.loads(message.data))
-        return seen[2]
+        first = self.created.result()
+        return self._memory.state.latest or first
 
     @property
     def latest(self) -> LiveState:
@@ -116,31 +112,28 @@ class ControlLink:
         state, trouble = self.last_state, self.trouble
         return replace(state, fault=trouble, running=state.running and not self.end) if trouble else state
 
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters in force, as the process told them last; the same object until they change."""
+        return self._memory.parameters.latest or self._parameters
+
     def set_reference(self, command: ReferenceCommand) -> None:
         """Leave a reference for the next tick."""
         with self._lock:
-            self._memory.reference.write(pickle.dumps(command))
+            self._memory.reference.write(command)
 
     def push(self, push: Push) -> None:
         """Leave a push for the next tick."""
         with self._lock:
-            self._memory.push.write(pickle.dumps(push))
+            self._memory.push.write(push)
 
-    def request(
-        self,
-        method: Callable[..., Any],
-        *arguments: Any,
-        convert: Callable[[Any], Any] | None = None,
-        take_item: Callable[[Any], object] | None = None,
-    ) -> Future[Any]:
+    def request(self, method: Callable[..., Any], *arguments: Any, take_item: TakeItem = None) -> Future[Any]:
         """Have a method of `Control` called in the process.
 
         Args:
             method: of the class.
             arguments: for it.
-            convert: applied to what it returned, in the thread that receives responses.
-            take_item: called there with each item of the list that it returned, which is then empty; None leaves them
-                in the list.
+            take_item: for the items of the iterator that it returned, where it returned one.
 
         Returns:
             The response; fails with what the method raised, or with `NoResponseError`.
@@ -154,9 +147,7 @@ class ControlLink:
             if refusal:
                 response.set_exception(NoResponseError(refusal))
             else:
-                self._waiting[number] = (response, convert or _unchanged)
-                if take_item is not None:
-                    self._takers[number] = take_item
+                self._waiting[number] = (response, take_item)
         return response
 
     def _refusal(self, request: Request) -> str:
@@ -188,14 +179,13 @@ class ControlLink:
         self._socket.close()
 
     def _receive(self) -> None:
-        parts = ResponseParts(self._take_item)
+        parts = ResponseParts()
         try:
             with suppress(ConnectionError):
                 while message := self._socket.recv(MAX_MESSAGE):
                     try:
-                        response = parts.add(message)
-                        if response is not None:
-                            self._deliver(*response)
+                        if (complete := parts.add(message)) is not None:
+                            self._deliver(*complete)
                     except Exception:  # one bad message does not end the thread
                         logger.exception("a message of %d bytes is no response", len(message))
         finally:
@@ -207,37 +197,24 @@ class ControlLink:
         with self._lock:
             self.end = f"the control process has ended: {_exit_reason(self._process.returncode)}; it starts again"
             waiting, self._waiting = self._waiting, {}
-            self._takers.clear()
         self.ended.set()
         for response, _ in waiting.values():
             if response.set_running_or_notify_cancel():
                 response.set_exception(NoResponseError(self.end))
 
-    def _take_item(self, number: int, item: Any) -> bool:
-        with self._lock:  # which whoever requests holds until the taker is known
-            taker = self._takers.get(number)
-        if taker is not None:
-            taker(item)
-        return taker is not None
-
-    def _deliver(self, number: int, value: Any) -> None:
-        """Give a response to the request of that number."""
-        with self._lock:
-            waiting = self._waiting.pop(number, None)
-            self._takers.pop(number, None)
-        if waiting is None or not waiting[0].set_running_or_notify_cancel():
-            return
-        response, convert = waiting
-        try:
+    def _deliver(self, number: int, kind: PartKind, value: Any) -> None:
+        """Give an item, or the value that ends a response, to the request of that number."""
+        with self._lock:  # which whoever requests holds until the number is known
+            waiting = self._waiting.get(number) if kind == PartKind.ITEM else self._waiting.pop(number, None)
+        response, take_item = waiting or (None, None)
+        if kind == PartKind.ITEM:
+            if take_item is not None:
+                take_item(value)
+        elif response is not None and response.set_running_or_notify_cancel():
             if isinstance(value, Exception):
-                raise value
-            response.set_result(convert(value))
-        except Exception as error:
-            response.set_exception(error)
-
-
-def _unchanged(value: Any) -> Any:
-    return value
+                response.set_exception(value)
+            else:
+                response.set_result(value)
 
 
 def _exit_reason(code: int) -> str:

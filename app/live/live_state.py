@@ -8,21 +8,22 @@ from app.live.tick_scheduler import TickTiming
 from walkcore import Reference, Snapshot
 from walkcore.analysis.push_recovery import PushOutcome
 from walkcore.analysis.push_rose import PushRose
+from walkcore.mpc.plan import Status
 from walkcore.plant.world import PERFECT, World
 from walkcore.state import SimulationState
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceCommand:
-    """A reference, its source, and how long it holds."""
+    """A reference, its source, and until when it holds."""
 
     reference: Reference
     driver: str
     """Kind of source: "none", "joystick", "keyboard", "gamepad", "button", "sliders", "rest", "phone" and
     "booth" of a booth's visitors and of its walk without them, or "past" while a
     forked walk follows the commands that came then."""
-    expires_after: float = math.inf
-    """Time on the wall after which the reference becomes zero [s]."""
+    expires_at: float = math.inf
+    """Time after which it becomes zero [s], on `time.perf_counter`, which all processes of the machine share."""
     client: str = ""
     """Name of the browser that gave it; empty where no browser did."""
 
@@ -51,6 +52,16 @@ class SolveCounts:
     """Ticks on which the paper's QP had no solution that leads on, and the relaxed QP was solved."""
     failed: int = 0
     """Falls: ticks on which nothing could keep the robot up, one for each fall."""
+
+    def with_tick(self, before: Snapshot, now: Snapshot) -> "SolveCounts":
+        """The counts with one more tick in them.
+
+        Args:
+            before: snapshot of the tick before.
+            now: its own.
+        """
+        has_fallen = now.status is Status.FALLEN and before.status is not Status.FALLEN
+        return SolveCounts(self.relaxed + (now.status is Status.RELAXED), self.failed + has_fallen)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

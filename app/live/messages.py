@@ -39,9 +39,7 @@ class PartKind(IntEnum):
     ITEM = 1
     """Last part of an item of a list."""
     VALUE = 2
-    """Last part of the response."""
-    LIST = 3
-    """End of a list, all of whose items have come."""
+    """Last part of the response; where items came before, of None."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,15 +75,14 @@ def response_parts(number: int, response: Any) -> Iterator[bytes]:
 
     Args:
         number: of its request.
-        response: a value or an exception; an iterator is received as a list.
+        response: a value or an exception; of an iterator each item is received, then None.
     """
     try:
         if isinstance(response, Iterator):
             for item in response:
                 yield from _value_parts(number, item, PartKind.ITEM)
-            yield HEADER.pack(number, PartKind.LIST)
-        else:
-            yield from _value_parts(number, response, PartKind.VALUE)
+            response = None
+        yield from _value_parts(number, response, PartKind.VALUE)
     except Exception as error:
         yield from _value_parts(number, RequestFailedError(reason(error)), PartKind.VALUE)
 
@@ -101,32 +98,17 @@ def _value_parts(number: int, value: Any, kind: PartKind) -> Iterator[bytes]:
 class ResponseParts:
     """Parts of responses that are not complete yet. Belongs to one thread."""
 
-    def __init__(self, take_item: Callable[[int, Any], bool] = lambda _, __: False) -> None:
-        """Begin without any.
-
-        Args:
-            take_item: called with the number of a request and each item of a list that responds to it; True if it took
-                the item, which is then not in the list.
-        """
-        self._take_item = take_item
+    def __init__(self) -> None:
+        """Begin without any."""
         self._begun: dict[int, bytes] = {}
-        self._items: dict[int, list[Any]] = {}
 
-    def add(self, message: bytes) -> tuple[int, Any] | None:
-        """The number and the value of the response that a message completes, if it does."""
+    def add(self, message: bytes) -> tuple[int, PartKind, Any] | None:
+        """Number of the request, and the item or value that a message completes; None if it completes none."""
         number, kind = HEADER.unpack_from(message)
         data = self._begun.pop(number, b"") + message[HEADER.size :]
-        if kind == PartKind.MORE:
-            self._begun[number] = data
-        elif kind == PartKind.ITEM:
-            item = pickle.loads(data)
-            if not self._take_item(number, item):
-                self._items.setdefault(number, []).append(item)
-        elif kind == PartKind.LIST:
-            return number, self._items.pop(number, [])
-        else:
-            self._items.pop(number, None)
-            return number, pickle.loads(data)
+        if kind != PartKind.MORE:
+            return number, PartKind(kind), pickle.loads(data)
+        self._begun[number] = data
         return None
 
 

@@ -7,12 +7,11 @@ together are made as one, and no more than one in `CHANGE_PERIOD`; what has wait
 import pickle
 import threading
 import time
+import zlib
 from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import dataclass
-from itertools import count
 from typing import Any
 
 from app.live.control import Control
@@ -24,7 +23,7 @@ from walkcore.mpc.balance_sets import balance_sets
 from walkcore.mpc.supports import inner_soles
 
 CHANGE_PERIOD = 0.2  # [s] between two changes, at least
-PART = 16 * 1024  # bytes of the prepared sets in one message
+MAX_SETS = 100 * 1024  # bytes of the packed sets, which go by one message: Talos needs 22 kB, and 41 kB at most
 MAX_WAITING = 64  # changes that wait for the next one
 RESPONSE_TIMEOUT = 30.0  # [s] for the control process to make a change it has taken
 
@@ -53,7 +52,6 @@ class ParameterChanges:
         self._waiting: deque[Change] = deque()
         self._has_news = threading.Condition()
         self._is_stopped = threading.Event()
-        self._tokens = count(1)
         self._thread = threading.Thread(target=self._run, name="parameter changes", daemon=True)
         self._thread.start()
 
@@ -91,17 +89,16 @@ class ParameterChanges:
                 self._has_news.wait_for(lambda: self._waiting or self._is_stopped.is_set())
                 batch = list(self._waiting)
                 self._waiting.clear()
-            self._make(batch)
+            self._make([change for change in batch if _is_wanted(change)])
             self._is_stopped.wait(CHANGE_PERIOD)
         for change in self._waiting:
             if change.response.set_running_or_notify_cancel():
                 change.response.set_exception(NoResponseError("the server stops"))
 
-    def _make(self, batch: list[Change]) -> None:
+    def _make(self, changes: list[Change]) -> None:
         """Make changes as one; one by one where that cannot be."""
-        wanted = [change for change in batch if self._is_wanted(change)]
         merged, possible = self._supervisor.parameters, list[Change]()
-        for change in wanted:
+        for change in changes:
             try:
                 merged = self._checked(merged, change.values)
                 possible.append(change)
@@ -110,15 +107,14 @@ class ParameterChanges:
         try:
             self._walk_on_with(merged)
         except Exception as failure:
-            if len(possible) == 1 or not isinstance(failure, WalkError):
-                for change in possible:
-                    change.response.set_exception(failure)
-                return
             for change in possible:
-                self._make_alone(change)
-            return
-        for change in possible:
-            change.response.set_result(self._supervisor.parameters)
+                if isinstance(failure, WalkError) and len(possible) > 1:
+                    self._make([change])
+                else:
+                    change.response.set_exception(failure)
+        else:
+            for change in possible:
+                change.response.set_result(self._supervisor.parameters)
 
     def _checked(self, before: Parameters, values: Mapping[str, Any]) -> Parameters:
         """The changed parameters.
@@ -130,22 +126,6 @@ class ParameterChanges:
         inner_soles(self._robot, parameters.cop_margin)
         return parameters
 
-    def _make_alone(self, change: Change) -> None:
-        try:
-            self._walk_on_with(self._supervisor.parameters.changed(change.values))
-            change.response.set_result(self._supervisor.parameters)
-        except Exception as failure:
-            change.response.set_exception(failure)
-
-    def _is_wanted(self, change: Change) -> bool:
-        """Whether somebody still waits for a change, which is begun then."""
-        if not change.response.set_running_or_notify_cancel():
-            return False
-        if time.monotonic() > change.expires_at:
-            change.response.set_exception(NoResponseError("the change has waited too long; try again"))
-            return False
-        return True
-
     def _walk_on_with(self, parameters: Parameters) -> None:
         """Prepare parameters and let the control process take them.
 
@@ -155,22 +135,30 @@ class ParameterChanges:
         """
         if parameters == self._supervisor.parameters:
             return
-        parts, token = sets_in_parts(self._robot, parameters), next(self._tokens)
-        link = self._supervisor.link
-        for part in parts:  # each is a message; where one is lost, all is only computed again
-            link.request(Control.prepare, token, part)
-        request = link.request(Control.change, parameters.to_mapping(), token, len(parts))
-        with suppress(TimeoutError):
-            self._supervisor.parameters = request.result(RESPONSE_TIMEOUT)
-            return
-        raise NoResponseError("the control process does not make the change")
+        sets = packed_sets(self._robot, parameters)
+        if len(sets) > MAX_SETS:
+            sets = b""  # the control process computes them
+        request = self._supervisor.link.request(Control.change, parameters.to_mapping(), sets)
+        try:
+            request.result(RESPONSE_TIMEOUT)
+        except TimeoutError:
+            raise NoResponseError("the control process does not make the change") from None
 
 
-def sets_in_parts(robot: Robot, parameters: Parameters) -> list[bytes]:
-    """The pickled `BalanceSets` of a robot with some parameters, in parts of one message each, for `Control.prepare`.
+def _is_wanted(change: Change) -> bool:
+    """Whether somebody still waits for a change, which is begun then."""
+    if not change.response.set_running_or_notify_cancel():
+        return False
+    if time.monotonic() > change.expires_at:
+        change.response.set_exception(NoResponseError("the change has waited too long; try again"))
+        return False
+    return True
+
+
+def packed_sets(robot: Robot, parameters: Parameters) -> bytes:
+    """The pickled and compressed `BalanceSets` of a robot with some parameters, for `Control.change`.
 
     Raises:
         EmptyRegionError: if the CoP margin leaves nothing of a sole.
     """
-    data = pickle.dumps(balance_sets(robot, parameters), pickle.HIGHEST_PROTOCOL)
-    return [data[start : start + PART] for start in range(0, len(data), PART)]
+    return zlib.compress(pickle.dumps(balance_sets(robot, parameters), pickle.HIGHEST_PROTOCOL), 1)

@@ -8,7 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
 from app.live.runner import Runner
-from app.live.session_log import Segment, unpacked
+from app.live.session_log import Segment
 from walkcore import Parameters, Snapshot
 from walkcore.plant.world import World
 
@@ -37,9 +37,9 @@ class PastTicks:
             NoResponseError: if the control process does not respond at the moment.
         """
         segment = await self._segment(tick)
-        first, nb_ticks = segment.state.model.tick, len(segment.ticks)
+        first, nb_ticks = segment.first_tick, len(segment.ticks)
         index = min(max(tick - first, 0), nb_ticks - 1)
-        return segment.ticks[index][1], segment.parameters_at(index), segment.world
+        return segment.ticks[index].snapshot, segment.ticks[index].parameters, segment.world
 
     async def before(self, tick: int, nb_ticks: int, every: int) -> Sequence[Snapshot]:
         """Some snapshots of the time before a tick, with equal gaps; fewer where fewer are kept.
@@ -66,9 +66,9 @@ class PastTicks:
             if first <= tick < first + len(segment.ticks):
                 self._segments.move_to_end(first)
                 return segment
-        segment = unpacked(await asyncio.wrap_future(runner.past(tick)))
-        if (self._runner(), runner.latest.walk) == walk and segment.ticks:
-            self._segments[segment.state.model.tick] = segment
+        segment = (await asyncio.wrap_future(runner.past(tick))).unpacked()
+        if (self._runner(), runner.latest.walk) == walk:
+            self._segments[segment.first_tick] = segment
             if len(self._segments) > MAX_SEGMENTS:
                 self._segments.popitem(last=False)
         return segment

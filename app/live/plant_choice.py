@@ -1,12 +1,13 @@
-"""The plant with which a live walk begins: contact physics where this machine keeps up, else the ideal model."""
+"""The plant and the world with which a live walk begins: contact physics where this machine keeps up."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from walkcore import Command, Parameters, Reference, Robot, Simulation
-from walkcore.errors import WalkError
+from walkcore.errors import InvalidValueError, WalkError
+from walkcore.plant.world import PERFECT, World
 
 PlantChoice = Literal["auto", "ideal", "mujoco"]
 PHYSICS = "mujoco"
@@ -47,6 +48,29 @@ def suitable_plant(
     if mean <= LARGEST_SHARE * period:
         return physics, f"contact physics: a tick takes {measured} on this machine"
     return ideal, f"the ideal model: with contact physics a tick would take {measured} on this machine"
+
+
+def with_plant_and_world(
+    parameters: Parameters, world: World, values: Mapping[str, Any], changes: Mapping[str, Any]
+) -> tuple[Parameters, World]:
+    """The parameters and the world of a walk that begins anew, with some of them changed.
+
+    Args:
+        parameters: in force.
+        world: that the robot walks in.
+        values: of parameters by name, the plant among them.
+        changes: values of `World` by name; the ideal plant knows the perfect world only.
+
+    Raises:
+        WalkError: if that cannot be.
+    """
+    changed, changed_world = parameters.changed(values), world.changed(changes)
+    parameters.check_change(replace(changed, plant=parameters.plant))
+    if changed.plant != "ideal":
+        return changed, changed_world
+    if changes and changed_world != PERFECT:
+        raise InvalidValueError("world", dict(changes), "needs plant: mujoco; the ideal plant has no other world")
+    return changed, PERFECT
 
 
 def _mean_tick(simulation: Simulation, clock: Callable[[], float]) -> float:

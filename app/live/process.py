@@ -29,7 +29,7 @@ from app.live.messages import (
     reason,
     response_parts,
 )
-from walkcore import WalkError
+from walkcore import Parameters, WalkError
 
 logger = logging.getLogger(__name__)
 
@@ -48,11 +48,12 @@ class ControlProcess:
 
         Args:
             server: for requests and responses.
-            memory: for the latest reference, push and state.
+            memory: for the latest values in both directions.
         """
         self._server, self._memory = server, memory
         self._published_at = self._collected_at = 0.0
-        self._seen_reference = self._seen_push = 0
+        self._parameters: Parameters | None = None
+        """The parameters in force, as the server knows them."""
         self._outbox: deque[Iterator[bytes]] = deque()
         """Parts of responses that wait for room in the socket, or for the time between two ticks."""
         self._unsent: bytes | None = None
@@ -104,6 +105,7 @@ class ControlProcess:
     def _create_control(self) -> Control | None:
         """The control of the robot in the first message; None if the robot cannot stand."""
         robot, parameters, resumed = pickle.loads(self._server.recv(MAX_MESSAGE))
+        self._parameters = parameters
         try:
             control = Control(robot, parameters, self._publish_unless_recent, resumed=resumed)
         except Exception as error:
@@ -142,18 +144,18 @@ class ControlProcess:
         except Exception as error:
             logger.exception("a request failed")
             response = RequestFailedError(f"the request failed: {reason(error)}")
+        if control.parameters is not self._parameters:
+            self._parameters = control.parameters
+            self._memory.parameters.write(self._parameters)
         self._publish(control.latest)  # so that whoever has the response finds a state that is no older
         self._send(request.number, response)
 
     def _take_latest_values(self, control: Control) -> None:
         """Pass on the latest reference and push, where they are new."""
-        reference, push = self._memory.reference.read(), self._memory.push.read()
-        if reference.count > self._seen_reference:
-            self._seen_reference = reference.count
-            control.set_reference(pickle.loads(reference.data))
-        if push.count > self._seen_push:
-            self._seen_push = push.count
-            control.push(pickle.loads(push.data))
+        if (reference := self._memory.reference.take()) is not None:
+            control.set_reference(reference)
+        if (push := self._memory.push.take()) is not None:
+            control.push(push)
 
     def _send(self, number: int, response: object) -> None:
         """Begin to send a response; a list, which is long, goes after the others."""
@@ -179,7 +181,7 @@ class ControlProcess:
             self._publish(state)
 
     def _publish(self, state: LiveState) -> None:
-        self._memory.state.write(pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
+        self._memory.state.write(state)
         self._published_at = time.perf_counter()
 
 

@@ -1,8 +1,8 @@
 """The robot that walks in real time, as the server sees it: commands and requests in, latest state out.
 
 The walk itself goes on in a process of its own, `app.live.process`. Nothing waits for its ticks and its ticks wait
-for nobody: state, reference and push are single places in shared memory where the latest value wins, and what pauses,
-resumes, steps or resets is a request with a response.
+for nobody: state, parameters, reference and push are values in shared memory, of which the latest wins, and what
+pauses, resumes, steps or resets is a request with a response.
 """
 
 import math
@@ -12,21 +12,20 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache, wraps
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from app.live.control import Control
 from app.live.fork import Fork
-from app.live.link import ControlLink
+from app.live.link import TakeItem
 from app.live.live_state import NO_REFERENCE, LiveState, RandomPushes, ReferenceCommand
 from app.live.messages import NoResponseError
 from app.live.parameter_changes import ParameterChanges
-from app.live.plant_choice import PlantChoice
 from app.live.push_roses import PushRoses
+from app.live.session_log import PackedSegment
 from app.live.supervisor import Supervisor
-from app.live.timeline import Timeline
 from walkcore import Parameters, Push, Reference, Robot, Snapshot
 from walkcore.analysis.push_rose import PushRose
 from walkcore.errors import InvalidValueError
@@ -37,27 +36,41 @@ SPEEDS = (0.1, 4.0)  # limits of simulated over real time
 INTERVALS = (0.2, 60.0)  # [s], limits of the time between random pushes
 ATTENTION = 120.0  # [s] after which a robot at rest that nobody looks at falls asleep
 ATTENTION_PERIOD = 1.0  # [s] between two messages that somebody looks
+BEGINNINGS = (Control.reset, Control.choose_plant, Control.begin, Control.fork)
+"""Requests that begin another walk, which follows no reference yet, and set the present one aside."""
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def requesting(method: Callable[Concatenate[Control, P], T]) -> Callable[Concatenate["Runner", P], Future[T]]:
+    """A method of `Runner` that requests one of `Control`: nothing is to be checked in between."""
+
+    @wraps(method)
+    def request(self: "Runner", *arguments: P.args, **named: P.kwargs) -> Future[T]:
+        assert not named, "a message has arguments by position only"
+        return self._request(method, *arguments)
+
+    return request
 
 
 class Runner:
     """Drives the control process. All methods may be called from any thread.
 
-    Requests are futures of the state that they lead to. They fail with `NoResponseError` where the process is gone or
-    hangs; it is then started again by itself, and the walk goes on.
+    Requests are futures of what the method of `Control` returns or raises. They fail with `NoResponseError` where the
+    process is gone or hangs; it is then started again by itself, and the walk goes on.
     """
 
     def __init__(self, robot: Robot, parameters: Parameters) -> None:
         """Begin to put the robot at rest; `latest` waits until it stands."""
         self.robot, self.defaults = robot, parameters
-        self._command, self._expires_at = NO_REFERENCE, math.inf
+        self._command = NO_REFERENCE
         self.is_first_walk = True
         """Whether the robot has not begun anew since time passes: there is no walk before the present one."""
         self._is_started, self._attended_at = False, -math.inf
-        self._supervisor = Supervisor(robot, parameters, self._repeat_reference)
+        self._supervisor = Supervisor(robot, parameters, lambda link: link.set_reference(self._held))
         self._changes = ParameterChanges(robot, self._supervisor)
         self.push_roses = PushRoses(robot, lambda: self._supervisor.latest, lambda: self.parameters)
         """Roses of pushes for `latest`, while somebody asks for them."""
-        self._shown: tuple[LiveState, PushRose, LiveState] | None = None
 
     @property
     def parameters(self) -> Parameters:
@@ -71,12 +84,8 @@ class Runner:
         Raises:
             WalkError: if the robot cannot stand with its parameters.
         """
-        state, rose, shown = self._supervisor.latest, self.push_roses.latest, self._shown
-        if rose is None:
-            return state
-        if shown is None or shown[0] is not state or shown[1] is not rose:
-            shown = self._shown = (state, rose, replace(state, push_rose=rose))
-        return shown[2]
+        state, rose = self._supervisor.latest, self.push_roses.latest
+        return state if rose is None else _with_rose(state, rose)
 
     def look(self) -> LiveState:
         """The latest state, for somebody who wants to see the robot: it does not fall asleep, or wakes up."""
@@ -99,8 +108,13 @@ class Runner:
     @property
     def active_driver(self) -> tuple[str, str]:
         """Driver and client of the latest reference, ("none", "") once it has expired."""
-        command = self._command if time.perf_counter() <= self._expires_at else NO_REFERENCE
-        return command.driver, command.client
+        held = self._held
+        return held.driver, held.client
+
+    @property
+    def _held(self) -> ReferenceCommand:
+        """The reference that still holds."""
+        return self._command if time.perf_counter() <= self._command.expires_at else NO_REFERENCE
 
     @property
     def process_id(self) -> int:
@@ -145,11 +159,8 @@ class Runner:
         self.robot.check_reference(reference)
         self._attend()
         link = self._supervisor.link
-        lasts = math.inf if expires_after is None else expires_after
-        self._command, self._expires_at = (
-            ReferenceCommand(reference, driver, lasts, client),
-            time.perf_counter() + lasts,
-        )
+        expires_at = math.inf if expires_after is None else time.perf_counter() + expires_after
+        self._command = ReferenceCommand(reference, driver, expires_at, client)
         link.set_reference(self._command)
 
     def push(self, push: Push) -> None:
@@ -176,21 +187,15 @@ class Runner:
             raise InvalidValueError("push.link", push.link, limit)
         return self.robot.check_push(push)
 
-    def pause(self) -> Future[LiveState]:
-        """Stop time."""
-        return self._request(Control.pause)
-
-    def resume(self) -> Future[LiveState]:
-        """Let time pass again, after a fault too."""
-        return self._request(Control.resume)
-
-    def step(self, ticks: int) -> Future[LiveState]:
-        """Take single ticks while paused, as fast as they can be computed; else fail with `NotPausedError`."""
-        return self._request(Control.step, ticks)
-
-    def step_samples(self, samples: int) -> Future[LiveState]:
-        """Take the ticks up to a coming sample of the gait's grid, 1 for the next; fails as `step` does."""
-        return self._request(Control.step_samples, samples)
+    pause = requesting(Control.pause)
+    resume = requesting(Control.resume)
+    step = requesting(Control.step)
+    step_samples = requesting(Control.step_samples)
+    reset = requesting(Control.reset)
+    choose_plant = requesting(Control.choose_plant)
+    begin = requesting(Control.begin)
+    timeline = requesting(Control.timeline)
+    past = requesting(Control.past)
 
     def change(self, values: Mapping[str, Any]) -> Future[Parameters]:
         """Walk on with some parameters changed; fails with a `WalkError`, and changes nothing, where that cannot be.
@@ -200,18 +205,6 @@ class Runner:
         if values.get("plant", self.parameters.plant) != self.parameters.plant:
             return self.begin(values, {})
         return self._changes.request(values)
-
-    def choose_plant(self, choice: PlantChoice) -> Future[Parameters]:
-        """Begin anew with a plant; "auto" takes contact physics where this machine keeps up with it."""
-        return self._begin_anew(Control.choose_plant, choice, convert=self._take_parameters)
-
-    def begin(self, values: Mapping[str, Any], world: Mapping[str, Any]) -> Future[Parameters]:
-        """Begin anew with some parameters changed, the plant among them, and in a changed world; fails as `change`."""
-        return self._begin_anew(Control.begin, dict(values), dict(world), convert=self._take_parameters)
-
-    def reset(self) -> Future[LiveState]:
-        """Put the robot back to rest at tick 0, with no reference and no push; time passes as before."""
-        return self._begin_anew(Control.reset)
 
     def set_speed(self, factor: float) -> Future[LiveState]:
         """Let simulated time pass `factor` times as fast as real time.
@@ -246,31 +239,20 @@ class Runner:
         pushes = RandomPushes(strength, interval, seed) if strength else None
         return self._request(Control.push_at_random, pushes)
 
-    def save(self, is_before_reset: bool = False) -> Iterator[bytes]:
+    def save(self, is_before_reset: bool = False) -> Iterator[PackedSegment]:
         """The last minute since the last reset, or of the walk before it, as it comes from the control process.
 
-        It is requested at once; to go on with the iterator waits. The items are as `Session.unpacked` reads them: to
-        unpack them is work for a process that has the time. Nothing here keeps them, which would be 30 MB.
+        It is requested at once; to go on with the iterator waits. To unpack the segments is work for a process that has
+        the time. Nothing here keeps them, which would be 30 MB.
 
         Raises:
             NothingToSaveError: from the iterator, if there was no walk before.
             NoResponseError: from the iterator, if the control process does not respond.
         """
-        items = SimpleQueue[bytes | Future[Any]]()
+        items = SimpleQueue[PackedSegment | Future[Any]]()
         response = self._request(Control.save, is_before_reset, take_item=items.put)
         response.add_done_callback(items.put)
         return _until_done(items)
-
-    def timeline(self) -> Future[Timeline]:
-        """The ticks of the present walk that are kept, and what happened at them."""
-        return self._request(Control.timeline)
-
-    def past(self, tick: int) -> Future[bytes]:
-        """The packed segment that holds a tick of the present walk, or the nearest one of those that are kept.
-
-        `app.live.session_log.unpacked` reads it. Fails with a `WalkError` where none is kept.
-        """
-        return self._request(Control.past, tick)
 
     def check_fork(self, fork: Fork) -> None:
         """Check what is to be different in a fork.
@@ -294,48 +276,31 @@ class Runner:
             InvalidValueError: if its reference or its push is beyond a limit.
         """
         self.check_fork(fork)
-        return self._begin_anew(Control.fork, fork, segments, convert=self._take_parameters)
+        return self._request(Control.fork, fork, segments)
 
-    def _take_parameters(self, parameters: Parameters) -> Parameters:
-        self._supervisor.parameters = parameters
-        return parameters
-
-    def _begin_anew(self, method: Callable[..., Any], *arguments: Any, convert: Any = None) -> Future[Any]:
-        """Request what begins another walk, which follows no reference yet, and sets the present one aside."""
-
-        def note(done: Future[Any]) -> None:
-            if self._is_started and not done.cancelled() and done.exception() is None:
-                self.is_first_walk = False
-
-        response = self._request(method, *arguments, convert=convert)
-        if not (response.done() and response.exception()):  # where it is refused, the reference still holds
-            self._command = NO_REFERENCE
-        response.add_done_callback(note)
-        return response
-
-    def _request(
-        self,
-        method: Callable[..., Any],
-        *arguments: Any,
-        convert: Callable[[Any], Any] | None = None,
-        take_item: Callable[[Any], object] | None = None,
-    ) -> Future[Any]:
+    def _request(self, method: Callable[..., Any], *arguments: Any, take_item: TakeItem = None) -> Future[Any]:
         self._attend()
         try:
-            return self._supervisor.link.request(method, *arguments, convert=convert, take_item=take_item)
+            response = self._supervisor.link.request(method, *arguments, take_item=take_item)
         except NoResponseError as error:
-            response: Future[Any] = Future()
+            response = Future[Any]()
             response.set_exception(error)
-            return response
+        if method in BEGINNINGS and not (response.done() and response.exception()):
+            self._command = NO_REFERENCE  # where it is refused, the reference still holds
+            response.add_done_callback(self._note_beginning)
+        return response
 
-    def _repeat_reference(self, link: ControlLink) -> None:
-        """Give another control process the reference that still holds."""
-        time_left = self._expires_at - time.perf_counter()
-        if time_left > 0.0:
-            link.set_reference(replace(self._command, expires_after=time_left))
+    def _note_beginning(self, done: Future[Any]) -> None:
+        if self._is_started and not done.cancelled() and done.exception() is None:
+            self.is_first_walk = False
 
 
-def _until_done(items: SimpleQueue[bytes | Future[Any]]) -> Iterator[bytes]:
+@lru_cache(maxsize=2)
+def _with_rose(state: LiveState, rose: PushRose) -> LiveState:
+    return replace(state, push_rose=rose)
+
+
+def _until_done(items: SimpleQueue[PackedSegment | Future[Any]]) -> Iterator[PackedSegment]:
     """The items in front of a future, which may fail instead."""
     while not isinstance(item := items.get(), Future):
         yield item

@@ -7,19 +7,21 @@ between two ticks. Of what is saved as a run, the last minute counts.
 
 import math
 import pickle
-import struct
 import zlib
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from walkcore import Command, Parameters, Robot, Simulation, Snapshot
+from walkcore.errors import InvalidValueError
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.plan import NO_BOUNDS, Plan
-from walkcore.plant.world import PERFECT, World
+from walkcore.plant.world import World
 from walkcore.scenario.recording import Recording, collect
 from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.scenario.session import session_scenario
@@ -30,35 +32,40 @@ KEPT = 120.0  # [s] at least, of simulated time: 47 MB with the default robot in
 SAVED = 60.0  # [s] of them, at least, that become a run
 TICKS_PER_SEGMENT = 10  # so few that packing them takes 2 ms at most, and that they go by one message
 COMPRESSION = 1  # the fastest of zlib, which halves a segment
-LENGTH = struct.Struct("<Q")  # bytes of the segment that follows in a file
 NOTHING = frozen_copy(np.zeros((0, 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoggedTick:
+    """One tick of a walk: what led to it, and what came of it."""
+
+    command: Command
+    snapshot: Snapshot
+    """Without the trajectories of its plan."""
+    parameters: Parameters
+    """Parameters in force."""
+    solves_in_time: int | None = None
+    """Solves that it had time for; None if it had it for all of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
     """A short part of a walk: the state that it began with, and its ticks."""
 
-    parameters: Parameters
-    """Parameters in force before its first tick."""
     state: SimulationState
-    ticks: list[tuple[Command, Snapshot]] = field(default_factory=list)
-    changes: dict[int, Parameters] = field(default_factory=dict)
-    """Parameters that came into force before a tick, by its index in this segment."""
-    world: World = PERFECT
+    world: World
     """World that the plant stands in."""
-    solves_in_time: dict[int, int] = field(default_factory=dict)
-    """Solves that the ticks without time for all of theirs had it for, by their index in this segment."""
+    ticks: list[LoggedTick] = field(default_factory=list)
 
-    def parameters_at(self, index: int) -> Parameters:
-        """Parameters in force at one of its ticks, or at the one after its last."""
-        changes = [at for at in self.changes if at <= index]
-        return self.changes[max(changes)] if changes else self.parameters
+    @property
+    def first_tick(self) -> int:
+        """Number of its first tick."""
+        return self.state.model.tick
 
-    def cut(self, nb_ticks: int) -> "Segment":
-        """Its first ticks only."""
-        changes = {at: value for at, value in self.changes.items() if at < nb_ticks}
-        solves = {at: value for at, value in self.solves_in_time.items() if at < nb_ticks}
-        return replace(self, ticks=self.ticks[:nb_ticks], changes=changes, solves_in_time=solves)
+    @property
+    def can_come_first(self) -> bool:
+        """Whether its state leads to its ticks: it does not hold the last plan, with which one without time goes on."""
+        return self.ticks[0].solves_in_time is None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,69 +78,43 @@ class PackedSegment:
     @classmethod
     def of(cls, segment: Segment) -> "PackedSegment":
         """Pack a segment."""
-        return _Pickled.of(segment).compressed()
+        return cls(segment.first_tick, _compressed(_pickled(segment)))
 
     def unpacked(self) -> Segment:
         """The segment."""
-        return unpacked(self.data)
+        return pickle.loads(zlib.decompress(self.data))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pickled:
-    """A segment that is half packed: both halves together take too long for one pause between two ticks."""
-
-    first_tick: int
-    data: bytes
-
-    @classmethod
-    def of(cls, segment: Segment) -> "_Pickled":
-        return cls(segment.state.model.tick, pickle.dumps(segment, pickle.HIGHEST_PROTOCOL))
-
-    def compressed(self) -> PackedSegment:
-        return PackedSegment(self.first_tick, zlib.compress(self.data, COMPRESSION))
+def _pickled(segment: Segment) -> bytes:
+    return pickle.dumps(segment, pickle.HIGHEST_PROTOCOL)
 
 
-def unpacked(data: bytes) -> Segment:
-    """The segment that was packed into these bytes."""
-    return pickle.loads(zlib.decompress(data))
+def _compressed(pickled: bytes) -> bytes:
+    return zlib.compress(pickled, COMPRESSION)
 
 
 class SessionLog:
-    """Keeps the last two minutes of a simulation."""
+    """Keeps the last two minutes of one walk."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        """Begin to keep a simulation that is at its start."""
-        self._simulation = simulation
-        nb_segments = _nb_segments(KEPT, simulation)
-        self._packed: deque[PackedSegment] = deque(maxlen=nb_segments)
-        self._pickled: deque[_Pickled] = deque()
-        self._full: deque[Segment] = deque(maxlen=nb_segments)
-        self._growing: Segment | None = None
-        self._before_reset: list[bytes] = []
-
-    def reset(self, simulation: Simulation) -> None:
-        """Set the walk so far aside until the next reset: a simulation begins anew, the same or another one."""
-        self._before_reset = self.segments(False)
-        self._packed.clear()
-        self._growing, self._simulation = None, simulation
-
-    def fork(self, simulation: Simulation, kept: list[PackedSegment], tick: int) -> None:
-        """Set the walk so far aside until the next reset, and go on from a tick of a walk.
+    def __init__(self, simulation: Simulation, kept: Sequence[PackedSegment] = (), tick: int = 0) -> None:
+        """Begin to keep a simulation.
 
         Args:
-            simulation: goes on from before that tick, maybe with other parameters.
-            kept: segments of that walk: of this one, as `kept` has them, or of another.
+            simulation: at its start, or before a tick of an earlier walk, maybe with other parameters.
+            kept: segments of that walk, of which the ticks before that one are kept on.
             tick: one that they hold.
         """
-        self._before_reset = self.segments(False)
-        for segments in (self._packed, self._pickled, self._full):
-            segments.clear()
-        self._growing, self._simulation = None, simulation
-        whole = [segment for segment in kept if segment.first_tick <= tick]
-        self._packed.extend(whole[:-1])
-        if tick > whole[-1].first_tick:
-            self._growing = whole[-1].unpacked().cut(tick - whole[-1].first_tick)
-        self.change(simulation.parameters)
+        self._simulation = simulation
+        nb_segments = _nb_segments(KEPT, simulation)
+        earlier = [segment for segment in kept if segment.first_tick <= tick]
+        self._packed: deque[PackedSegment] = deque(earlier[:-1], maxlen=nb_segments)
+        self._half_packed: deque[tuple[Segment, bytes]] = deque()
+        """Segments that are pickled only: to compress them, too, takes too long for one pause between two ticks."""
+        self._full: deque[Segment] = deque(maxlen=nb_segments)
+        self._growing: Segment | None = None
+        if earlier and tick > earlier[-1].first_tick:
+            last = earlier[-1].unpacked()
+            self._growing = replace(last, ticks=last.ticks[: tick - last.first_tick])
 
     def begin(self) -> None:
         """Note the state before a tick where a segment begins with it."""
@@ -141,8 +122,7 @@ class SessionLog:
             return
         if self._growing is not None:
             self._full.append(self._growing)
-        now = self._simulation
-        self._growing = Segment(now.parameters, now.state, world=now.world)
+        self._growing = Segment(self._simulation.state, self._simulation.world)
 
     def end(self, command: Command, snapshot: Snapshot, solves_in_time: int | None = None) -> None:
         """Add the tick that `begin` announced.
@@ -153,83 +133,67 @@ class SessionLog:
             solves_in_time: see `walkcore.stages.CountedTime`.
         """
         assert self._growing is not None
-        if solves_in_time is not None:
-            self._growing.solves_in_time[len(self._growing.ticks)] = solves_in_time
-        self._growing.ticks.append((command, _light(snapshot)))
-
-    def change(self, parameters: Parameters) -> None:
-        """Note that other parameters are in force from the next tick on."""
-        growing = self._growing
-        if growing is not None and len(growing.ticks) < TICKS_PER_SEGMENT:  # else the next one begins with them
-            growing.changes[len(growing.ticks)] = parameters
+        tick = LoggedTick(command, _light(snapshot), self._simulation.parameters, solves_in_time)
+        self._growing.ticks.append(tick)
 
     def pack(self) -> None:
         """Pack one full segment by a half."""
-        if self._pickled:
-            self._packed.append(self._pickled.popleft().compressed())
+        if self._half_packed:
+            segment, pickled = self._half_packed.popleft()
+            self._packed.append(PackedSegment(segment.first_tick, _compressed(pickled)))
         elif self._full:
-            self._pickled.append(_Pickled.of(self._full.popleft()))
+            segment = self._full.popleft()
+            self._half_packed.append((segment, _pickled(segment)))
 
     @property
     def first_tick(self) -> int:
         """The first tick that is kept."""
-        first = next(iter((*self._packed, *self._pickled, *self._full)), self._growing)
-        if first is None:
-            return self._simulation.state.model.tick
-        return first.state.model.tick if isinstance(first, Segment) else first.first_tick
+        half_packed = (segment for segment, _ in self._half_packed)
+        first = next(iter((*self._packed, *half_packed, *self._full)), self._growing)
+        return self._simulation.state.model.tick if first is None else first.first_tick
 
     def kept(self) -> list[PackedSegment]:
-        """All segments since the last reset that are kept."""
-        while self._full or self._pickled:
+        """All segments that are kept."""
+        while self._full or self._half_packed:
             self.pack()
-        return [*self._packed, *([] if self._growing is None else [PackedSegment.of(self._growing)])]
+        growing = self._growing
+        return [*self._packed, *([PackedSegment.of(growing)] if growing is not None and growing.ticks else [])]
 
-    def around(self, tick: int) -> PackedSegment | None:
-        """The segment of a tick; None if it is not kept."""
-        if self._growing is not None and tick >= self._growing.state.model.tick:
-            is_kept = tick < self._growing.state.model.tick + len(self._growing.ticks)
-            return PackedSegment.of(self._growing) if is_kept else None
-        return next((segment for segment in reversed(self.kept()) if segment.first_tick <= tick), None)
+    def around(self, tick: int) -> PackedSegment:
+        """The segment of a tick, or of the nearest one that is kept.
 
-    def segments(self, is_before_reset: bool) -> list[bytes]:
-        """Packed segments of the last minute since the last reset, or of the walk before it."""
-        if is_before_reset:
-            return self._before_reset
+        Raises:
+            InvalidValueError: if none is.
+        """
+        growing = self._growing
+        if growing is not None and growing.ticks and tick >= growing.first_tick:
+            return PackedSegment.of(growing)
+        if not (kept := self.kept()):
+            raise InvalidValueError("tick", tick, "must be kept; nothing is yet")
+        return next((segment for segment in reversed(kept) if segment.first_tick <= tick), kept[0])
+
+    def last_minute(self) -> list[PackedSegment]:
+        """The segments that become a run where the walk is saved."""
         nb_saved = _nb_segments(SAVED, self._simulation) + (self._growing is not None)
-        return [segment.data for segment in self.kept()[-nb_saved:]]
+        return self.kept()[-nb_saved:]
 
 
-def write_segments(segments: Iterable[bytes], path: Path) -> None:
-    """Write a session as `SessionLog.segments` packs it, segment by segment.
+def write_segments(segments: Iterable[PackedSegment], path: Path) -> None:
+    """Write segments, one after the other as they come, for `read_segments` of another process of ours.
 
     Raises:
-        OSError: if the disk does not take it.
+        OSError: if the disk does not take them.
     """
     with path.open("wb") as file:
         for segment in segments:
-            file.write(LENGTH.pack(len(segment)))
-            file.write(segment)
+            pickle.dump(segment, file, pickle.HIGHEST_PROTOCOL)
 
 
-def read_segments(path: Path) -> Iterator[bytes]:
-    """The segments of a session in a file."""
-    with path.open("rb") as file:
-        while length := file.read(LENGTH.size):
-            yield file.read(*LENGTH.unpack(length))
-
-
-def write_packed(segments: list[PackedSegment], path: Path) -> None:
-    """Write segments for `read_packed`, which another process of ours calls.
-
-    Raises:
-        OSError: if the disk does not take it.
-    """
-    path.write_bytes(pickle.dumps([(segment.first_tick, segment.data) for segment in segments]))
-
-
-def read_packed(path: Path) -> list[PackedSegment]:
-    """The segments that `write_packed` wrote."""
-    return [PackedSegment(first_tick, data) for first_tick, data in pickle.loads(path.read_bytes())]
+def read_segments(path: Path) -> Iterator[PackedSegment]:
+    """The segments in a file, read one after the other."""
+    with path.open("rb") as file, suppress(EOFError):
+        while True:
+            yield pickle.load(file)
 
 
 def _nb_segments(duration: float, simulation: Simulation) -> int:
@@ -257,11 +221,10 @@ class Session:
     segments: list[Segment]
 
     @classmethod
-    def unpacked(cls, segments: list[bytes]) -> "Session":
-        """The session that `SessionLog.segments` packed."""
-        found = [unpacked(segment) for segment in segments]
-        # A state does not hold the last plan, with which a tick without time goes on: such a one cannot come first.
-        start = next((i for i, segment in enumerate(found) if 0 not in segment.solves_in_time), 0)
+    def unpacked(cls, segments: Iterable[PackedSegment]) -> "Session":
+        """The session of some segments, one after the other."""
+        found = [segment.unpacked() for segment in segments]
+        start = next((i for i, segment in enumerate(found) if segment.can_come_first), 0)
         return cls(found[start:])
 
     def recording(self, name: str, robot: Robot) -> Recording:
@@ -271,26 +234,14 @@ class Session:
             name: of its scenario, whose replay leads to the same rows.
             robot: that walked.
         """
-        ticks = [tick for segment in self.segments for tick in segment.ticks]
-        first = self.segments[0]
-        commands = [command for command, _ in ticks]
-        changes, solves = dict(self._changes()), dict(self._solves_in_time())
-        mapping = session_scenario(name, robot, first.parameters, first.state, commands, changes, first.world, solves)
+        first, ticks = self.segments[0], [tick for segment in self.segments for tick in segment.ticks]
+        changes = {
+            i: now.parameters for i, (was, now) in enumerate(pairwise(ticks), 1) if now.parameters != was.parameters
+        }
+        solves = {i: tick.solves_in_time for i, tick in enumerate(ticks) if tick.solves_in_time is not None}
+        commands = [tick.command for tick in ticks]
+        mapping = session_scenario(
+            name, robot, ticks[0].parameters, first.state, commands, changes, first.world, solves
+        )
         body = None if robot.body is None else WholeBody(robot.body)
-        return collect(scenario_from_mapping(mapping), (snapshot for _, snapshot in ticks), body)
-
-    def _solves_in_time(self) -> Iterator[tuple[int, int]]:
-        start = 0
-        for segment in self.segments:
-            yield from ((start + index, solves) for index, solves in segment.solves_in_time.items())
-            start += len(segment.ticks)
-
-    def _changes(self) -> Iterator[tuple[int, Parameters]]:
-        """Changed parameters, by the index of the tick before which they came into force."""
-        in_force, start = self.segments[0].parameters, 0
-        for segment in self.segments:
-            for index, parameters in {0: segment.parameters, **segment.changes}.items():
-                if parameters != in_force:
-                    yield start + index, parameters
-                    in_force = parameters
-            start += len(segment.ticks)
+        return collect(scenario_from_mapping(mapping), (tick.snapshot for tick in ticks), body)

@@ -36,8 +36,6 @@ class Supervisor:
             parameters: to begin with.
             on_restart: called with each further link before time passes there.
         """
-        self.parameters = parameters
-        """Parameters of the next process."""
         self._robot, self._on_restart = robot, on_restart
         self._link = ControlLink(robot, parameters)
         self._ready_at, self._pause = math.inf, 0.0
@@ -54,6 +52,11 @@ class Supervisor:
     def process_id(self) -> int:
         """Id of the present process in the system."""
         return self._link.process_id
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters in force, with which the next process begins."""
+        return self._link.parameters
 
     @property
     def trouble(self) -> str:
@@ -142,12 +145,10 @@ class Supervisor:
             return
         ended.close()
         assert self._resumed is not None
-        if (
-            self._is_restart and not did_last
-        ):  # the state may be what ends the process: speed and pause go on without it
+        if self._is_restart and not did_last:  # the state may be what ends it: speed and pause go on without it
             self._resumed = replace(self._resumed, next_state=None)
         self._ready_at, self._is_restart = math.inf, True
-        self._link = link = ControlLink(self._robot, self.parameters, self._resumed)
+        self._link = link = ControlLink(self._robot, ended.parameters, self._resumed)
         self._on_restart(link)
         if self._is_time_passing:
             link.request(Control.start)

@@ -62,13 +62,13 @@ class Marks:
         changed = ", ".join(f"{name} {value}" for name, value in new.items() if value != old.get(name))
         self._add(tick, "change", changed or "parameters")
 
-    def fork(self, tick: int) -> None:
-        """Forget what happened from a tick on, and mark that the walk went on from there."""
-        earlier = [mark for mark in self._marks if mark.tick < tick]
-        self._marks.clear()
-        self._marks.extend(earlier)
-        self._was_up, self._pushed_at = not any(mark.kind == "fall" for mark in earlier), -math.inf
-        self._add(tick, "fork", "went on from here")
+    def forked(self, tick: int) -> "Marks":
+        """The marks before a tick, and one that the walk went on from there."""
+        marks = Marks()
+        marks._marks.extend(mark for mark in self._marks if mark.tick < tick)
+        marks._was_up = not any(mark.kind == "fall" for mark in marks._marks)
+        marks._add(tick, "fork", "went on from here")
+        return marks
 
     def since(self, tick: int) -> tuple[Mark, ...]:
         """The marks from a tick on."""

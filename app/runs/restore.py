@@ -17,7 +17,7 @@ import numpy as np
 
 from app.formats import as_written, read_run
 from app.jobs import ProcessDiedError, Report
-from app.live.session_log import PackedSegment, SessionLog, write_packed
+from app.live.session_log import PackedSegment, SessionLog, write_segments
 from app.runs.upload import HAS_SCENARIO, WITHOUT_SCENARIO, limit_this_process
 from app.work.awaited_jobs import AwaitedJobs
 from app.work.work import WorkUnavailableError
@@ -65,7 +65,7 @@ class Restore:
             if k <= self.tick - first:
                 _compare(snapshot, recording.columns, recording.rows[k])
         earliest = self.tick - math.ceil(BEFORE / period)
-        write_packed(_since(log.kept(), earliest), self.segments)
+        write_segments(_since(log.kept(), earliest), self.segments)
 
 
 def _walked(scenario: Scenario, simulation: Simulation, log: SessionLog) -> Iterator[Snapshot]:
@@ -74,7 +74,6 @@ def _walked(scenario: Scenario, simulation: Simulation, log: SessionLog) -> Iter
     for k, command in enumerate(scenario.commands()):
         if k in changes:
             simulation.change(changes[k])
-            log.change(changes[k])
         log.begin()
         counted = CountedTime(time_of_solves(solves.get(k)))
         snapshot = simulation.step(command, counted)
@@ -115,7 +114,7 @@ def _since(kept: list[PackedSegment], tick: int) -> list[PackedSegment]:
 
 @contextmanager
 def restored(jobs: AwaitedJobs, folder: Path, tick: int) -> Iterator[Path]:
-    """File of segments, for `app.live.session_log.read_packed`, that hold a tick of a run.
+    """File of segments, for `app.live.session_log.read_segments`, that hold a tick of a run.
 
     Args:
         jobs: has a place for one such job.

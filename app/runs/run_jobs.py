@@ -94,9 +94,9 @@ class WriteSession:
 
     def __call__(self, _: Report) -> WrittenRun:
         """Write."""
-        segments = list(read_segments(self.segments))
+        session = Session.unpacked(read_segments(self.segments))
         self.segments.unlink()
-        recording = Session.unpacked(segments).recording(self.name, self.robot)
+        recording = session.recording(self.name, self.robot)
         recording.write(self.folder)
         scenario = recording.scenario
         return WrittenRun(dict(scenario.source), self.robot.name, scenario.duration)

@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from app.formats import FORMATS
 from app.jobs import Job, ProcessDiedError
-from app.live.session_log import write_segments
+from app.live.session_log import PackedSegment, write_segments
 from app.robot_choices import RobotChoices
 from app.runs.admission import RunLimits, admitted_scenario
 from app.runs.run import Run
@@ -125,11 +125,11 @@ class Runs(WorkQueue[Run]):
         finally:
             self.store.discard(draft_id)
 
-    def add_session(self, segments: Iterable[bytes], name: str, robot: Robot) -> Run:
+    def add_session(self, segments: Iterable[PackedSegment], name: str, robot: Robot) -> Run:
         """Keep a walk that was driven live as a run that is done.
 
         Args:
-            segments: as `SessionLog.segments` packs them; they may still come.
+            segments: one after the other; they may still come.
             name: of the run.
             robot: that walked.
 
