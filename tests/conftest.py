@@ -19,6 +19,7 @@ from unittest.mock import patch
 import httpx
 import pytest
 import viser
+from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from app.commands.cli import main
@@ -41,6 +42,8 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 expect.set_options(timeout=1e3 * PATIENCE)
+settings.register_profile("no test fails on a time", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("no test fails on a time")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
