@@ -17,7 +17,7 @@ from walkcore import Command, Push, Reference, Simulation, Snapshot, load_robot
 from walkcore.motion.whole_body import WholeBody
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import Footstep, sole_vertices
 from walkcore.robot import BodyModel
 from walkcore.scenario.recording import row
@@ -122,12 +122,12 @@ def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> Non
         return
     soles = {side: sole_vertices(robot.sole, Footstep(side, f.position, f.yaw)) for side, f in now.feet.items()}
     on_ground = soles[now.support.side] if now.phase is Phase.SINGLE_SUPPORT else np.vstack(list(soles.values()))
-    assert polygon(on_ground).excess(now.cop) < 1e-6, (
+    assert half_planes(on_ground).excess(now.cop) < 1e-6, (
         now.tick,
         now.status,
         now.phase,
         "CoP outside",
-        polygon(on_ground).excess(now.cop),
+        half_planes(on_ground).excess(now.cop),
     )
     if before is None:
         return
@@ -137,7 +137,7 @@ def check(now: Snapshot, before: Snapshot | None, simulation: Simulation) -> Non
         assert abs(foot.yaw - before.feet[side].yaw) <= robot.max_foot_yaw_rate * period + 1e-9, (now.tick, "yaw")
     if now.support.side is not before.support.side and before.phase is Phase.SINGLE_SUPPORT:
         stride = rotation(before.support.yaw).T @ (now.support.position - before.support.position)
-        region = polygon(robot.foothold_region_at(now.support.yaw - before.support.yaw, now.support.side))
+        region = half_planes(robot.foothold_region_at(now.support.yaw - before.support.yaw, now.support.side))
         assert region.excess(stride) < 1e-5, (now.tick, "foothold outside", stride, region.excess(stride))
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 from walkcore import load_robot
 from walkcore.mpc.capture import StepTiming, capture_vertices, minkowski_sum
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import Side, mirrored, on_side
 
 ROBOT = load_robot("hrp2")
@@ -34,7 +34,7 @@ def a_step_leads_back(xi, on_right):
 
 def test_inside_the_set_a_step_leads_back_into_it_and_outside_none_does():
     on_right = capture_vertices(ROBOT.sole, ROBOT.foothold_region, TIMING)[Side.RIGHT]
-    rng, planes = np.random.default_rng(0), polygon(on_right)
+    rng, planes = np.random.default_rng(0), half_planes(on_right)
     low, high = on_right.min(axis=0) - 0.1, on_right.max(axis=0) + 0.1
     seen = set()
     for xi in rng.uniform(low, high, size=(200, 2)):

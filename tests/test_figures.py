@@ -11,7 +11,7 @@ from app.figures.methods import methods_sweep
 from app.sweeps.cells import read_cells
 from walkcore.analysis.sweep import sweep_from_mapping
 from walkcore.errors import UnknownNameError
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import Footstep, Side, sole_vertices
 
 PERIOD = 0.1  # [s]
@@ -118,7 +118,7 @@ def test_the_margin_is_the_distance_to_the_sole_that_carries_the_sample(walked):
         if walk["phase"][k - 1] == 2:
             side = Side(int(walk["support_side"][k - 1]))
             place = [walk[f"{side.name.lower()}_{c}"][k] for c in ("x", "y", "yaw")]
-            ground = polygon(sole_vertices(sole, Footstep(side, np.array(place[:2]), place[2])))
+            ground = half_planes(sole_vertices(sole, Footstep(side, np.array(place[:2]), place[2])))
             found.append(-ground.excess([walk["cop_x"][k], walk["cop_y"][k]]))
     assert np.allclose(measures.margins_at_samples(walk), found, atol=1e-12)
     assert min(found) == pytest.approx(0.03, abs=1e-6)

@@ -17,7 +17,7 @@ from walkcore.methods.planning import jerk_to_cop
 from walkcore.methods.situation import Situation
 from walkcore.mpc.lipm import CoMState, Pendulum
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.schemes import SCHEMES, Footholds
 from walkcore.mpc.stance import Footstep, Side
 
@@ -97,10 +97,10 @@ def test_under_any_push_the_cop_stays_in_the_soles_and_nothing_is_nan(scheme, se
         assert np.isfinite(now.com.matrix).all() and np.isfinite(now.left_foot.matrix).all()
         if now.status is Status.FALLEN:
             return
-        assert polygon(now.stance.corners).excess(now.cop) < 1e-6
+        assert half_planes(now.stance.corners).excess(now.cop) < 1e-6
         assert np.isfinite(now.plan.cop).all() and np.isfinite(now.plan.dcm).all()
         for foothold, region in zip(now.plan.footholds[:1], now.plan.foothold_regions, strict=False):
-            assert polygon(region).excess(foothold.position) < 1e-6
+            assert half_planes(region).excess(foothold.position) < 1e-6
 
 
 @pytest.mark.parametrize("scheme", METHODS)

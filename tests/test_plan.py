@@ -7,7 +7,7 @@ import pytest
 
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 
 PAPER = Parameters(control_period=0.1)  # ticks are samples: a plan's first sample is the next snapshot
 WALK = [(1.0, Reference()), (4.0, Reference(vx=0.25, vy=0.1)), (3.0, Reference(yaw_rate=0.3)), (4.0, Reference())]
@@ -38,7 +38,7 @@ def test_every_sample_stands_within_its_stance(walk):
             continue
         for number, cop in zip(plan.stance_of_sample, plan.cop, strict=True):
             stance = plan.stances[number]
-            assert polygon(stance.polygon).excess(cop) < 1e-4 - PAPER.cop_margin
+            assert half_planes(stance.polygon).excess(cop) < 1e-4 - PAPER.cop_margin
             nb_single += not stance.is_double_support
             nb_double += stance.is_double_support
     assert nb_single > 500 and nb_double > 100

@@ -13,7 +13,7 @@ from walkcore.analysis.push_bound import StepClass, largest_impulses
 from walkcore.errors import NoSolutionFoundError
 from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import mirrored
 from walkcore.values import rotation
 
@@ -55,7 +55,7 @@ def largest_on_schedule(snapshot, direction, durations):
     rows, uppers = [], []
 
     def keep(point, offset, vertices):
-        planes = polygon(vertices)
+        planes = half_planes(vertices)
         for normal, low, high in zip(planes.normals, planes.lower, planes.upper, strict=True):
             rows.append(normal @ point)
             uppers.append(high - normal @ offset)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from shapely import MultiPoint, Point
 
 from walkcore.errors import EmptyRegionError
-from walkcore.mpc.regions import box, polygon
+from walkcore.mpc.regions import box, half_planes
 from walkcore.mpc.stance import Footstep, Side, on_side, sole_vertices
 from walkcore.robot_file import load_robot
 from walkcore.values import rotation
@@ -30,7 +30,7 @@ def test_half_planes_are_the_convex_hull_of_corners_that_nearly_coincide(vertice
 
 def assert_is_hull(vertices, x, y):
     try:
-        planes = polygon(vertices)
+        planes = half_planes(vertices)
     except EmptyRegionError:
         return
     assert max(planes.excess(vertex) for vertex in vertices) < 1e-9
@@ -43,7 +43,7 @@ def assert_is_hull(vertices, x, y):
 
 @given(yaws, coordinates, coordinates)
 def test_turning_a_polygon_turns_its_points(yaw, x, y):
-    sole = polygon(load_robot("talos").sole)
+    sole = half_planes(load_robot("talos").sole)
     c, s = np.cos(yaw), np.sin(yaw)
     turned = np.array([[c, -s], [s, c]]) @ [x, y]
     assert sole.rotated(yaw).excess(turned) == pytest.approx(sole.excess([x, y]), abs=1e-12)
@@ -52,27 +52,27 @@ def test_turning_a_polygon_turns_its_points(yaw, x, y):
 @pytest.mark.parametrize("turn", [1e-4, 5e-6, 1e-7])
 def test_edges_that_are_almost_parallel_keep_their_own_normals(turn):
     vertices = (np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0 + turn)]) - 2.0) @ rotation(0.7)
-    assert max(polygon(vertices).excess(vertex) for vertex in vertices) < 1e-9
+    assert max(half_planes(vertices).excess(vertex) for vertex in vertices) < 1e-9
 
 
 def test_opposite_edges_share_a_row():
-    assert len(polygon(load_robot("talos").sole).normals) == 2
+    assert len(half_planes(load_robot("talos").sole).normals) == 2
 
 
 def test_a_margin_moves_every_edge_inwards():
-    sole = polygon(load_robot("talos").sole)
+    sole = half_planes(load_robot("talos").sole)
     assert sole.inset(0.03).excess([0.0, 0.0]) == pytest.approx(sole.excess([0.0, 0.0]) + 0.03)
 
 
 def test_a_margin_wider_than_the_sole_is_refused():
     with pytest.raises(EmptyRegionError):
-        polygon(load_robot("talos").sole).inset(0.07)
+        half_planes(load_robot("talos").sole).inset(0.07)
 
 
 @pytest.mark.parametrize("vertices", [[], [[0, 0]], [[0, 0], [1, 1]], [[0, 0], [1, 1], [2, 2]]])
 def test_points_without_area_are_refused(vertices):
     with pytest.raises(EmptyRegionError):
-        polygon(vertices)
+        half_planes(vertices)
 
 
 def test_the_right_foot_lands_on_the_right():

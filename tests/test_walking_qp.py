@@ -12,7 +12,7 @@ from walkcore.mpc.lipm import CoMState, Pendulum, preview_matrices
 from walkcore.mpc.plan import Status
 from walkcore.mpc.preview import Preview, QPInputs
 from walkcore.mpc.qp import QP, SOLVERS, solve_qp
-from walkcore.mpc.regions import HalfPlanes, box, polygon
+from walkcore.mpc.regions import HalfPlanes, box, half_planes
 from walkcore.mpc.schemes import SCHEMES
 from walkcore.mpc.supports import Supports
 from walkcore.mpc.walking_qp import phase_matrices, relaxed_qp, walking_qp
@@ -67,7 +67,7 @@ class Stand:
     first_polygon: HalfPlanes | None = None  # of the first sample, as if it were carried by both feet
 
     def __post_init__(self):
-        sole = polygon(load_robot("hrp2").sole).inset(self.margin)
+        sole = half_planes(load_robot("hrp2").sole).inset(self.margin)
         self.lipm = preview_matrices(np.full(16, 0.1), Pendulum(0.814))
         is_double_support = np.arange(16) < (self.first_polygon is not None)
         stances = StanceSequence(np.zeros(16, int), is_double_support, False, np.zeros(16, int))
@@ -150,7 +150,7 @@ def test_a_soft_margin_that_can_be_kept_is_kept():
 
 
 def test_a_margin_that_cannot_be_kept_is_given_up_but_never_the_sole():
-    sole = polygon(load_robot("hrp2").sole).inset(0.03)
+    sole = half_planes(load_robot("hrp2").sole).inset(0.03)
     conflicting = replace(sole, lower=sole.lower + 0.1)  # the first sample is asked to be where no margin is left
     stand = Stand(CoMState.at_rest(np.zeros(2)), first_polygon=conflicting)
     with pytest.raises(NoSolutionFoundError):
@@ -182,7 +182,14 @@ def test_a_push_that_needs_another_step_topples_planned_footsteps_only():
 
 
 @pytest.mark.parametrize("robot", ["talos", "g1"])
-@pytest.mark.parametrize("scheme", [name for name, scheme in SCHEMES.items() if scheme.nb_steps_to_last > 1])
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        name if name == "fixed_steps" else pytest.param(name, marks=pytest.mark.exhaustive)
+        for name, scheme in SCHEMES.items()
+        if scheme.nb_steps_to_last > 1
+    ],
+)
 def test_a_walk_with_planned_steps_lasts_with_the_horizon_that_it_needs(scheme, robot):
     horizon = SCHEMES[scheme].lasting_horizon(8)
     parameters = Parameters(scheme, control_period=0.02, stepping_in_place=True, solver="daqp", horizon_samples=horizon)

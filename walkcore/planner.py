@@ -17,7 +17,7 @@ from walkcore.mpc.lipm import Pendulum
 from walkcore.mpc.pattern_generator import PatternGenerator
 from walkcore.mpc.plan import Plan, Status
 from walkcore.mpc.qp import QP
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import Side
 from walkcore.mpc.step_timing import AdaptiveTiming
 from walkcore.mpc.supports import WalkingProblem
@@ -108,7 +108,7 @@ class Planner:
             raise FallError(f"the CoM is {distance:.2f} m beside the support foot, the leg reaches {limit:.2f} m")
         if not self._parameters.formulation.is_constrained:
             x, y = cop = self.pendulum.cop(com)
-            if polygon(model.stance(self._robot.sole).corners).excess(cop) > 0.0:
+            if half_planes(model.stance(self._robot.sole).corners).excess(cop) > 0.0:
                 raise FallError(f"the CoP left the soles at ({x:.3f}, {y:.3f}) m")
 
     def _first_that_works(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from walkcore.errors import EmptyRegionError, InvalidValueError
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.named_files import is_file, named_file, shipped_files
 from walkcore.parameters import Parameters
 from walkcore.plain_yaml import load_yaml
@@ -126,7 +126,7 @@ def _polygon(where: str, data: Any) -> Matrix:
     corners = check_list(where, data, MAX_CORNERS)
     vertices = frozen_copy([check_vector(f"{where}[{i}]", p, 2, -LARGEST, LARGEST) for i, p in enumerate(corners)])
     try:
-        polygon(vertices)
+        half_planes(vertices)
     except EmptyRegionError as error:
         raise InvalidValueError(where, data, "must be corners [x, y] that enclose an area") from error
     return vertices

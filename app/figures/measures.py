@@ -10,7 +10,7 @@ from walkcore.analysis.columns import points, touchdowns
 from walkcore.analysis.margins import support_margins
 from walkcore.analysis.push_recovery import PushRecovery, push_recoveries
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import mirrored
 from walkcore.values import Vector
 
@@ -77,7 +77,7 @@ def margins_at_samples(recording: Recording) -> Vector:
         x, y, yaw = (recording[f"{foot}_{name}"][ticks] for name in ("x", "y", "yaw"))
         dx, dy, c, s = cop[:, 0] - x, cop[:, 1] - y, np.cos(yaw), np.sin(yaw)
         local = np.column_stack([c * dx + s * dy, c * dy - s * dx])
-        ground = polygon(outline)
+        ground = half_planes(outline)
         along = local @ ground.normals.T
         distance = np.minimum(ground.upper - along, along - ground.lower).min(axis=1)
         margins[support_sides == number] = distance[support_sides == number]

@@ -19,7 +19,7 @@ from walkcore import Command, Parameters, Push, Reference, Robot, Simulation, Sn
 from walkcore.analysis.push_recovery import PushOutcome, PushRecoveryMonitor, balance_state
 from walkcore.errors import EmptyRegionError, InvalidValueError
 from walkcore.mpc.plan import Status
-from walkcore.mpc.regions import HalfPlanes, polygon
+from walkcore.mpc.regions import HalfPlanes, half_planes
 from walkcore.mpc.stance import Stance
 from walkcore.stages import Stages, TimeLeft, time_of_solves
 from walkcore.values import rotation
@@ -50,7 +50,7 @@ class Fork:
         return not self.follows or self.reference is not None or self.push is not None
 
 
-class WalkThatWas:
+class EarlierWalk:
     """The ticks of a walk from one of its ticks on, read in their order."""
 
     def __init__(self, kept: Sequence[PackedSegment], tick: int) -> None:
@@ -135,7 +135,7 @@ class Comparison:
     was: WalkNumbers
 
 
-class Tally:
+class WalkMeasures:
     """Counts the numbers of a walk tick by tick."""
 
     def __init__(self, mass: float, monitor: PushRecoveryMonitor, since: float) -> None:
@@ -181,7 +181,7 @@ class Tally:
 
 def _ground(stance: Stance) -> HalfPlanes | None:
     try:
-        return polygon(stance.polygon)
+        return half_planes(stance.polygon)
     except EmptyRegionError:
         return None
 
@@ -198,7 +198,7 @@ class ForkedWalk:
             robot: that walks.
             parameters: in force from the fork on.
         """
-        self._fork, self._past, self._parameters = fork, WalkThatWas(kept, fork.tick), parameters
+        self._fork, self._past, self._parameters = fork, EarlierWalk(kept, fork.tick), parameters
         self.follows = fork.follows
         self.was: Snapshot | None = None
         """The walk that was, at the tick of the latest update; None once it is over."""
@@ -207,8 +207,8 @@ class ForkedWalk:
         since = fork.tick * period
         self.monitor = monitor
         """Judges the pushes of the forked walk, and knows the walk before."""
-        self._was = Tally(robot.mass, deepcopy(monitor), since)
-        self._now = Tally(robot.mass, deepcopy(monitor), since)
+        self._was = WalkMeasures(robot.mass, deepcopy(monitor), since)
+        self._now = WalkMeasures(robot.mass, deepcopy(monitor), since)
         self._since, self._tick = since, fork.tick
         self._next: LoggedTick | None = None
 

@@ -211,7 +211,7 @@ def _light(snapshot: Snapshot) -> Snapshot:
 
 
 def _light_plan(plan: Plan) -> Plan:
-    return replace(plan, times=NOTHING, jerks=NOTHING, com=NOTHING, cop=NOTHING, bounds=NO_BOUNDS)
+    return replace(plan, times=NOTHING, jerks=NOTHING, com=NOTHING, dcm=NOTHING, cop=NOTHING, bounds=NO_BOUNDS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

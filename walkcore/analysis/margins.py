@@ -12,7 +12,7 @@ import numpy as np
 
 from walkcore.analysis.columns import Walk, pendulum, points
 from walkcore.mpc.gait import Phase
-from walkcore.mpc.regions import HalfPlanes, polygon
+from walkcore.mpc.regions import HalfPlanes, half_planes
 from walkcore.mpc.stance import Footstep, Side, Stance
 from walkcore.values import Matrix, Vector
 
@@ -49,4 +49,4 @@ def _grounds(walk: Walk) -> Iterator[tuple[slice, HalfPlanes]]:
     for first, end in zip(starts, [*starts[1:], state.shape[1]], strict=True):
         standing = [side for side in Side if not in_air[side, first]]
         stance = Stance(tuple(Footstep(s, feet[s, :2, first], float(feet[s, 2, first])) for s in standing), sole)
-        yield slice(int(first), int(end)), polygon(stance.corners)
+        yield slice(int(first), int(end)), half_planes(stance.corners)

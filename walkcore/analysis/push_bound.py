@@ -39,7 +39,7 @@ from walkcore.errors import InfeasibleError, NoSolutionFoundError
 from walkcore.mpc.capture import StepTiming, viable_vertices
 from walkcore.mpc.gait import Phase
 from walkcore.mpc.qp import QP, InteriorPointSolver, Solver
-from walkcore.mpc.regions import polygon
+from walkcore.mpc.regions import half_planes
 from walkcore.mpc.stance import Side, convex_hull, on_side
 from walkcore.robot import Robot
 from walkcore.snapshot import Snapshot
@@ -158,7 +158,7 @@ class _StepTimes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _HalfPlanes:
+class _Edges:
     """A polygon as the points p with normals @ p <= bounds."""
 
     normals: Matrix
@@ -194,9 +194,9 @@ class _Ground:
         both = convex_hull(np.vstack([outlines[side], self._swing + outlines[side.other]]))
         soles = {SUPPORT: outlines[side], BOTH: both} | {k + 1: outlines[foot] for k, foot in enumerate(landing)}
         regions = [robot.foothold_region_at(0.0, foot) for foot in landing]
-        self._regions = [_half_planes(region) for region in regions]
+        self._regions = [_edges(region) for region in regions]
         shapes = [*regions[:2], viable, *(soles[foot] for foot in (SUPPORT, BOTH, 1))]
-        self._normals = np.vstack([np.eye(2), -np.eye(2), *(_half_planes(shape).normals for shape in shapes)])
+        self._normals = np.vstack([np.eye(2), -np.eye(2), *(_edges(shape).normals for shape in shapes)])
         self._of_soles = {foot: self._extent(sole) for foot, sole in soles.items()}
         self._of_regions = np.array([self._extent(region) for region in regions])
         self._of_viable = self._extent(viable)
@@ -283,11 +283,11 @@ class _Program:
         return max(float(solution.u[0]), 0.0) / self.dcm_per_impulse, elsewhere / self.dcm_per_impulse
 
 
-def _half_planes(vertices: Matrix) -> _HalfPlanes:
-    planes = polygon(vertices)
+def _edges(vertices: Matrix) -> _Edges:
+    planes = half_planes(vertices)
     both = np.isfinite(planes.lower)
     normals = np.vstack([planes.normals, -planes.normals[both]])
-    return _HalfPlanes(normals, np.concatenate([planes.upper, -planes.lower[both]]))
+    return _Edges(normals, np.concatenate([planes.upper, -planes.lower[both]]))
 
 
 def _grounds(snapshot: Snapshot, robot: Robot, double_support: float, steps: StepClass) -> list[_Ground]:

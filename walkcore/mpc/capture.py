@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from walkcore.mpc.regions import HalfPlanes, cut_vertices, inset_vertices, polygon
+from walkcore.mpc.regions import HalfPlanes, cut_vertices, half_planes, inset_vertices
 from walkcore.mpc.stance import Side, convex_hull, mirrored, on_side
 from walkcore.values import Matrix, Vector
 
@@ -115,7 +115,7 @@ def _viable_vertices(
 
 def viable_polygons(vertices: dict[Side, tuple[Matrix, ...]]) -> dict[Side, tuple[HalfPlanes, ...]]:
     """The sets of `viable_vertices` by their edges."""
-    return {side: tuple(map(polygon, sets)) for side, sets in vertices.items()}
+    return {side: tuple(map(half_planes, sets)) for side, sets in vertices.items()}
 
 
 def minkowski_sum(*sets: Matrix) -> Matrix:

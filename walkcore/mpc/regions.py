@@ -80,7 +80,7 @@ def _rotated(planes: HalfPlanes, yaw: float) -> HalfPlanes:
     return HalfPlanes(frozen_copy(planes.normals @ rotation(yaw).T), planes.lower, planes.upper)
 
 
-def polygon(vertices: ArrayLike) -> HalfPlanes:
+def half_planes(vertices: ArrayLike) -> HalfPlanes:
     """The convex hull of points in the plane, shape (V, 2) [m].
 
     Raises:

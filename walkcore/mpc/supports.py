@@ -14,7 +14,7 @@ from walkcore.mpc.balance_sets import CaptureSets, capture_sets
 from walkcore.mpc.horizon import Horizon, SampleStance, StanceSequence
 from walkcore.mpc.lipm import CoMState
 from walkcore.mpc.orientation import Turn, foothold_yaws
-from walkcore.mpc.regions import HalfPlanes, box, closest_band, polygon
+from walkcore.mpc.regions import HalfPlanes, box, closest_band, half_planes
 from walkcore.mpc.stance import Footstep, Side, Stance, on_side
 from walkcore.parameters import Parameters
 from walkcore.robot import Robot
@@ -118,8 +118,8 @@ def _polygons(
     """The sole of each foot, and its foothold regions, one for each band of yaws, as rows and as vertices."""
     at_origin = {side: Stance((Footstep(side, np.zeros(2), 0.0),), robot.sole) for side in Side}
     vertices = {side: [on_side(side, region.vertices) for region in robot.foothold_regions] for side in Side}
-    regions = {side: [polygon(corners) for corners in vertices[side]] for side in Side}
-    return {side: polygon(stance.corners) for side, stance in at_origin.items()}, regions, vertices
+    regions = {side: [half_planes(corners) for corners in vertices[side]] for side in Side}
+    return {side: half_planes(stance.corners) for side, stance in at_origin.items()}, regions, vertices
 
 
 NO_SETS: Mapping[float, CaptureSets] = MappingProxyType({})
@@ -256,7 +256,7 @@ class SupportGeometry:
         x, y, other_yaw = other
         feet = Footstep(side, np.zeros(2), yaw), Footstep(side.other, np.array([x, y]), other_yaw)
         to_middle = feet[1].position / 2
-        both = polygon(Stance(feet, self._robot.sole).corners - to_middle)
+        both = half_planes(Stance(feet, self._robot.sole).corners - to_middle)
         inner = both.inset(self._parameters.cop_margin)
         viable = supports.viable_at_next_sample
         if stances.is_double_support.all():
