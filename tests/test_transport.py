@@ -217,7 +217,7 @@ def test_only_light_clients_are_spared_the_shadows(viser_server):
 
 def test_scene_tells_which_page_it_belongs_to_until_it_is_closed(viser_server, clients):
     pages: list[str] = []
-    viser_server.on_client_connect(lambda client: pages.append(clients.page(client)))
+    viser_server.on_client_connect(lambda client: pages.append(clients.page(client.client_id)))
     own_suns(viser_server, "/?client=mine", lambda _: pages == ["mine"])
     wait_for(lambda: not clients.is_open("mine"))
     own_suns(viser_server, "/", lambda _: pages == ["mine", ""])
