@@ -1,5 +1,6 @@
 """Readers of what the viewer sends: a client of its websocket, batches as a browser decodes them, latest values."""
 
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -85,10 +86,12 @@ class SceneSocket:
 
     def first(self, kind: str) -> dict[str, Any]:
         """The first message of a kind from now on."""
-        while True:
+        give_up = time.monotonic() + PATIENCE
+        while time.monotonic() < give_up:
             for message in self.read():
                 if message["type"] == kind:
                     return message
+        raise AssertionError(f"no {kind} came")
 
 
 def controls(messages: Iterable[dict[str, Any]]) -> dict[str, str]:

@@ -131,10 +131,16 @@ def test_zero_stops_a_held_key_until_the_next_touch(visit, api):
     wait_for(lambda: live(api)["driver"] == "none")
     page.keyboard.down("u")
     wait_for_reference(api, vx=1, vy=1)
-    page.get_by_test_id("zero").click()
-    wait_for_reference(api)
     page.keyboard.up("u")
     page.keyboard.up("i")
+
+
+def test_the_zero_button_ends_a_reference_of_whoever_gave_it(visit, api):
+    page = visit()
+    api.put("live/reference", json={"vx": 0.1})
+    wait_for_reference(api, vx=1)
+    page.get_by_test_id("zero").click()
+    wait_for_reference(api)
 
 
 def test_status_tells_speed_and_tick_time(visit, api):
