@@ -32,27 +32,14 @@ class RobotChoices:
         sources = {file.stem: str(file.resolve()) for file in files} | {name: name for name in robot_names()}
         return sources if self._start is None else sources | {self._start.name: self._start.source}
 
-    def source(self, name: Any, field: str = "robot") -> str:
-        """Name or path that `load_robot` takes, of the robot of a name.
-
-        Args:
-            name: as a client gives it.
-            field: in which it was given.
+    def load(self, name: Any) -> Robot:
+        """The robot of a name that a client gives; the same object as before unless it is read from a file.
 
         Raises:
-            InvalidValueError: if there is none, naming the choices.
+            InvalidValueError: if there is none, naming the choices, or its file does not describe one of this name.
         """
         sources = dict(sorted(self.sources().items()))
-        return sources[check_choice(field, name, sources)]
-
-    def load(self, name: Any) -> Robot:
-        """The robot of a name; the same object as before unless it is read from a file.
-
-        Raises:
-            InvalidValueError: if there is none, or its file does not describe one of this name.
-        """
-        source = self.source(name)
-        robot = load_robot(source)
+        robot = load_robot(sources[check_choice("robot", name, sources)])
         if robot.name != name:
             raise InvalidValueError("robot.name", robot.name, f"must be {name}, as its file is named")
         return robot

@@ -1,7 +1,7 @@
 // REST requests to the server, and their errors in words.
 
 /** The server refused a request; the message is a sentence for a person. */
-export class RefusedError extends Error {}
+class RefusedError extends Error {}
 
 /** The server cannot be reached. */
 export class UnreachableError extends Error {}

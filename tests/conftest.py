@@ -1,6 +1,7 @@
 """Helpers of many tests: a real server, started as a user starts it, a browser, and time."""
 
 import io
+import json
 import os
 import re
 import shutil
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,8 +24,10 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from app.commands.cli import main
-from app.runs import Run, Runs
-from walkcore import Push
+from app.runs import Run, RunLimits, Runs
+from app.viewer import LIGHT
+from app.viewer.scene.scene import Scene
+from walkcore import Push, load_robot
 from walkcore.analysis.survival import NominalWalk
 from walkcore.mpc.plan import Status
 from walkcore.scenario.recording import Recording
@@ -38,6 +41,7 @@ UP = re.compile("walking|standing")
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 SMALL_DESKTOP = {"viewport": {"width": 640, "height": 480}}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+SMALL_PHONE = PHONE | {"viewport": {"width": 360, "height": 640}}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -65,8 +69,8 @@ class Server:
     def host(self) -> str:
         return self.url.removeprefix("http://").removesuffix("/")
 
-    def client(self) -> httpx.Client:
-        return httpx.Client(base_url=f"{self.url}api/v1/", timeout=30.0)
+    def client(self, headers: Mapping[str, str] | None = None) -> httpx.Client:
+        return httpx.Client(base_url=f"{self.url}api/v1/", headers=headers, timeout=30.0)
 
     def socket_url(self, path: str) -> str:
         return f"ws://{self.host}/api/v1/live/{path}"
@@ -133,6 +137,39 @@ def walk(*arguments: object) -> Said:
     return Said(int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
 
+def bearer(token: str) -> dict[str, str]:
+    """Header by which a program shows a token; none without one."""
+    return {"Authorization": f"Bearer {token}"} if token else {}
+
+
+@contextmanager
+def runs_in(folder: Path, **changes: Any) -> Iterator[Runs]:
+    """Runs of a folder without a server; nothing is simulated before they are started."""
+    sizes = {"nb_workers": 1, "nb_queued": 9, "nb_kept": 99, "bytes_kept": 10**9, "limits": RunLimits()}
+    runs = Runs(folder, **(sizes | changes))
+    try:
+        yield runs
+    finally:
+        runs.stop()
+
+
+def ended_run(runs: Runs, run_id: str) -> Run:
+    """A run, once nothing more will change."""
+    wait_for(lambda: runs.get(run_id).has_ended)
+    return runs.get(run_id)
+
+
+def ended(api: httpx.Client, path: str) -> dict[str, Any]:
+    """A run or a sweep over REST, once nothing more will change."""
+    wait_for(lambda: api.get(path).json()["status"] not in ("queued", "running"))
+    return api.get(path).json()
+
+
+def send_text(api: httpx.Client, method: str, path: str, text: str) -> httpx.Response:
+    """Send a body as it is, also where it is not JSON."""
+    return api.request(method, path, content=text, headers={"Content-Type": "application/json"})
+
+
 def add_finished(runs: Runs, recording: Recording) -> Run:
     """A run that is done, without a process that simulates it."""
     scenario = recording.scenario
@@ -182,17 +219,29 @@ def viser_server() -> Iterator[viser.ViserServer]:
     server.stop()
 
 
+@pytest.fixture
+def scene(viser_server: viser.ViserServer) -> Scene:
+    """Scene of a point mass."""
+    return Scene(viser_server, load_robot("hrp2"), LIGHT)
+
+
 @pytest.fixture(scope="module")
-def server(request: pytest.FixtureRequest) -> Iterator[Server]:
-    """One server for the tests of a file, of the robot and with the settings that its mark `server` names."""
+def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One server with runs of its own for the tests of a file, with the robot and settings of its mark `server`."""
     mark = request.node.get_closest_marker("server") or pytest.mark.server().mark
-    with serving("--robot", *(mark.args or ("talos",)), "--scene", "light", **mark.kwargs) as server:
+    settings = {"WALK_DATA": str(tmp_path_factory.mktemp("server") / "data"), **mark.kwargs}
+    with serving("--robot", *(mark.args or ("talos",)), "--scene", "light", **settings) as server:
         yield server
 
 
 def live(api: httpx.Client) -> dict[str, Any]:
-    """The live snapshot."""
-    return api.get("live").json()
+    """The live snapshot, whose numbers are all JSON."""
+    return json.loads(api.get("live").text, parse_constant=refuse_constant)
+
+
+def refuse_constant(name: str) -> None:
+    """Refuse NaN and infinities, which Python would read."""
+    raise AssertionError(f"{name} is not JSON")
 
 
 @pytest.fixture
@@ -202,6 +251,16 @@ def api(server: Server) -> Iterator[httpx.Client]:
         client.post("live/reset").raise_for_status()
         client.post("live/resume").raise_for_status()
         yield client
+
+
+def paused_walk(api: httpx.Client, push: float, nb_ticks: int) -> None:
+    """Walk from the start with a push to the left at tick 151 [N s], and pause."""
+    api.post("live/pause")
+    api.post("live/reset")
+    api.put("live/reference", json={"vx": 0.2})
+    api.post("live/step", json={"ticks": 150})
+    api.post("live/push", json={"impulse": [0.0, push]})
+    api.post("live/step", json={"ticks": nb_ticks - 150})
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from conftest import serving, wait_for
+from conftest import ended, serving, wait_for
 
 ROOT = Path(__file__).parent.parent
 
@@ -105,7 +105,7 @@ def test_a_layer_is_one_entry(api):
 def test_a_format_is_one_entry(api):
     scenario = {"robot": "toy", "duration": 2.0, "parameters": {"control_period": 0.1, "scheme": "toy"}}
     run = api.post("runs", json=scenario).raise_for_status().json()["id"]
-    wait_for(lambda: api.get(f"runs/{run}").json()["status"] == "done")
+    assert ended(api, f"runs/{run}")["status"] == "done"
     assert api.get(f"runs/{run}/recording.ticks").raise_for_status().text == "20"
 
 

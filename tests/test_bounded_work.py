@@ -11,27 +11,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import PATIENCE, wait_for
+from conftest import PATIENCE, runs_in, wait_for
 
 from app.http.run_schemas import RunSummary
 from app.live.control import Control
 from app.live.session_log import PackedSegment, Session
 from app.routes.followed_runs import MAX_STREAMS, FollowedRuns
-from app.runs import Run, RunLimits, Runs
+from app.runs import Run, Runs
 from app.runs.run import RunProgress
 from app.runs.runs import MAX_SAVES
 from app.work import UnknownWorkError, WorkUnavailableError
 from walkcore import Parameters, load_robot
 
 HRP2 = load_robot("hrp2")
-LIMITS = RunLimits(600.0, 120_000, 1000)
 
 
 @pytest.fixture
 def runs(tmp_path) -> Iterator[Runs]:
-    runs = Runs(tmp_path, nb_workers=1, nb_queued=5, nb_kept=100, bytes_kept=10**9, limits=LIMITS)
-    yield runs
-    runs.stop()
+    with runs_in(tmp_path) as runs:
+        yield runs
 
 
 @pytest.fixture(scope="module")

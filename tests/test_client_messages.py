@@ -11,32 +11,18 @@ import numpy as np
 import psutil
 import pytest
 import viser
-from conftest import PATIENCE, Server, serving, wait_for
+from conftest import Server, serving, wait_for
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scene_reader import decoded
+from scene_reader import CAMERA, SceneSocket, controls
 from viser import _messages
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
 from app.http.scene_proxy import COST_OF_CONTROLS
 from app.http.turns import BURST, MAX_RATE, ReadBudget
 from app.viewer.transport.client_messages import MAX_BYTES, ClientMessages, ForbiddenMessageError
 
-PROTOCOL: Any = f"viser-v{viser.__version__}"
 BODY = "/w/robot/body"
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [-2.4, 1.7, 1],
-    "fov": 0.7,
-    "near": 0.01,
-    "far": 1000,
-    "image_height": 800,
-    "image_width": 1280,
-    "look_at": [0, 0, 0.8],
-    "up_direction": [0.0, 0.0, 1.0],
-}
 DRAG = {
     "type": "SceneNodeDragMessage",
     "phase": "update",
@@ -318,43 +304,21 @@ def server() -> Iterator[Server]:
     assert lines and all("a browser was disconnected from the scene for its message" in line for line in lines)
 
 
-class Browser:
-    """Connection to the scene through our port."""
+def browser(server: Server) -> SceneSocket:
+    return SceneSocket(f"ws://{server.host}/viewer?client=test")
 
-    def __init__(self, server: Server) -> None:
-        url = f"ws://{server.host}/viewer?client=test"
-        self._socket = connect(url, subprotocols=[PROTOCOL], compression=None, max_size=None)
-        self.controls: dict[str, str] = {}
-        self.send(CAMERA)
-        while not any(message["type"] == "ReplayDoneMessage" for message in self.read()):
-            pass
 
-    def __enter__(self) -> "Browser":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.close()
-
-    def send(self, message: Any) -> None:
-        self._socket.send(message if isinstance(message, (str, bytes)) else msgspec.msgpack.encode(message))
-
-    def read(self) -> list[dict[str, Any]]:
-        batch: Any = self._socket.recv(timeout=PATIENCE)
-        messages = decoded(batch)
-        self.controls |= {m["props"]["label"]: m["uuid"] for m in messages if "label" in m.get("props", {})}
-        return messages
-
-    def close_code(self) -> int | None:
-        """Code by which the server closes the connection, which is waited for."""
-        with pytest.raises(ConnectionClosed) as closed:
-            while True:
-                self._socket.recv(timeout=PATIENCE)
-        return None if closed.value.rcvd is None else closed.value.rcvd.code
+def close_code(browser: SceneSocket) -> int | None:
+    """Code by which the server closes the connection, which is waited for."""
+    with pytest.raises(ConnectionClosed) as closed:
+        while True:
+            browser.read()
+    return None if closed.value.rcvd is None else closed.value.rcvd.code
 
 
 def test_a_forged_message_ends_that_browser_and_no_other(server):
-    with Browser(server) as person:
-        forward = person.controls["forward [m/s]"]
+    with browser(server) as person:
+        forward = controls(person.beginning())["forward [m/s]"]
         for forgery in (
             set_value(forward, removed=True),
             set_value(forward, **{"update_cb\nERROR forged": []}),
@@ -363,10 +327,11 @@ def test_a_forged_message_ends_that_browser_and_no_other(server):
             b"\xc1",
             "text",
         ):
-            with Browser(server) as attacker:
+            with browser(server) as attacker:
+                attacker.beginning()
                 nb_lines = len(server.output)
                 attacker.send(forgery)
-                assert attacker.close_code() == 1008
+                assert close_code(attacker) == 1008
                 wait_for(lambda nb_lines=nb_lines: len(server.output) == nb_lines + 1)
         person.send(set_value(forward, value=0.1))
         with server.client() as api:

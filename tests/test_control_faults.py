@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
-from conftest import PATIENCE, live, wait_for
+from conftest import PATIENCE, live, send_text, wait_for
 from websockets.sync.client import connect
 
 
@@ -92,7 +92,7 @@ def deep(depth: int) -> str:
 )
 def test_a_change_of_any_json_is_refused_with_its_field_and_changes_nothing(api, body):
     before = api.get("live/parameters").json()
-    answer = api.patch("live/parameters", content=body, headers={"Content-Type": "application/json"})
+    answer = send_text(api, "PATCH", "live/parameters", body)
     assert answer.status_code == 422, answer.text[:300]
     error = answer.json()["errors"][0]
     assert set(error) == {"field", "value", "limit"} and error["limit"] and len(answer.text) < 5000

@@ -6,6 +6,8 @@ import httpx
 import pytest
 from conftest import PATIENCE, Server, wait_for
 from playwright.sync_api import expect
+from scene_reader import SceneSocket, controls
+from test_client_messages import set_value
 from websockets.sync.client import ClientConnection, connect
 
 from app.live.driver_lease import ABSENCE_TIMEOUT, DriverLease, LeaseHeldError
@@ -98,6 +100,19 @@ def test_others_are_refused_once_and_may_stop_the_robot(server, api):
         wait_for(bob_drives)
         assert api.delete("live/lease?by=bob").json()["holder"] == ""
         assert api.put("live/reference", json={"vx": 0.1}).status_code == 200
+
+
+def test_sliders_of_others_are_refused_with_the_reason(server, api):
+    with teleop(server, "alice"), SceneSocket(f"ws://{server.host}/viewer?client=bob") as bob:
+        forward = controls(bob.beginning())["forward [m/s]"]
+        wait_for(lambda: api.get("live/lease").json()["clients"] == ["alice"])
+        api.put("live/lease", json={"client": "alice"}).raise_for_status()
+        bob.send(set_value(forward, value=0.1))
+        assert "drives alone" in str(bob.first("NotificationShowMessage"))
+        assert driving(api) == ("", 0.0)
+        api.delete("live/lease?by=alice").raise_for_status()
+        bob.send(set_value(forward, value=0.2))
+        wait_for(lambda: driving(api) == ("bob", 0.2))
 
 
 @pytest.mark.exhaustive

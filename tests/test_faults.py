@@ -7,12 +7,9 @@ never by 500, its health tells the truth, no run is lost, and once the faults ar
 
 import json
 import os
-import shutil
 import signal
 import socket
-import subprocess
-from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +17,7 @@ import httpx
 import psutil
 import pytest
 from conftest import PATIENCE, Server, serving, wait_for
+from disks import fill, small_disk
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -197,10 +195,7 @@ class Faults(RuleBasedStateMachine):
     @rule()
     def fill_disk(self) -> None:
         assert self.disk is not None
-        self.filling = self.disk / "filling"
-        with self.filling.open("wb", buffering=0) as file, suppress(OSError):
-            while file.write(bytes(4096)):
-                pass
+        self.filling = fill(self.disk)
         health = self.health()
         assert health["runs"] and health["status"] != "ok"
 
@@ -261,26 +256,19 @@ class Faults(RuleBasedStateMachine):
         self.api.close()
 
 
-@pytest.fixture(scope="module")
-def small_disk(tmp_path_factory) -> Iterator[Path | None]:
-    """A file system of some megabytes, where one may be mounted."""
-    folder = tmp_path_factory.mktemp("disk")
-    command = ["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", folder]
-    is_mounted = shutil.which("mount") and subprocess.run(command, capture_output=True).returncode == 0
-    yield folder if is_mounted else None
-    if is_mounted:
-        subprocess.run(["umount", "--lazy", folder], check=True)
-
-
 @pytest.mark.parametrize(
     ("nb_examples", "nb_steps"),
     [(2, 15), pytest.param(30, 50, marks=pytest.mark.exhaustive)],
     ids=["short", "long"],
 )
-def test_whatever_happens_the_server_goes_on_and_says_what_is_wrong(small_disk, tmp_path, nb_examples, nb_steps):
-    folder = small_disk or tmp_path
-    with serving("--robot", "hrp2", "--scene", "light", WALK_DATA=str(folder / "data"), RUNS_QUEUED="99") as server:
-        machine = type("Machine", (Faults,), {"server": server, "disk": small_disk})
+def test_whatever_happens_the_server_goes_on_and_says_what_is_wrong(tmp_path, nb_examples, nb_steps):
+    with ExitStack() as end:
+        disk = end.enter_context(small_disk(tmp_path / "disk", "64m"))
+        data = (disk or tmp_path) / "data"
+        server = end.enter_context(
+            serving("--robot", "hrp2", "--scene", "light", WALK_DATA=str(data), RUNS_QUEUED="99")
+        )
+        machine = type("Machine", (Faults,), {"server": server, "disk": disk})
         machine.TestCase.settings = settings(
             max_examples=nb_examples,
             stateful_step_count=nb_steps,

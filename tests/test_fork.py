@@ -37,8 +37,9 @@ def walked(robot, parameters, nb_ticks, changed_at=None, clock=None) -> Control:
     return control
 
 
-def recording(control, robot):
-    return Session.unpacked(list(control.save(False))).recording("walk", robot)
+def recording(control, robot, before_reset=False):
+    """The walk as it is saved, or the one before its reset or fork."""
+    return Session.unpacked(list(control.save(before_reset))).recording("walk", robot)
 
 
 def run_to(control, tick) -> None:
@@ -190,7 +191,7 @@ def test_the_walk_that_was_can_still_be_saved():
     control = walked(HRP2, FAST, 80)
     was = recording(control, HRP2)
     control.fork(Fork(40, push=Push([3.0, 0.0])))
-    saved = Session.unpacked(list(control.save(True))).recording("walk", HRP2)
+    saved = recording(control, HRP2, before_reset=True)
     assert saved.rows.tobytes() == was.rows.tobytes()
     control.reset()
     assert control.latest.comparison is None and control.latest.was is None

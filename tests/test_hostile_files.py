@@ -211,7 +211,7 @@ def test_any_value_anywhere_in_a_scenario_is_read_or_refused_in_one_line(tmp_pat
 
 
 @pytest.mark.parametrize("load", [load_robot, load_scenario, load_sweep, load_lesson])
-@pytest.mark.parametrize("name", ["nothing", "x" * 1000, "\0", "a\0b", ""])
+@pytest.mark.parametrize("name", ["nothing", "no/such/file.yaml", "x" * 5000, "\0", "a\0b", ""])
 def test_a_name_that_is_none_is_refused_even_where_it_can_be_no_path(load, name):
     with pytest.raises(UnknownNameError):
         load(name)

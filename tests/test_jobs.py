@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -51,8 +52,15 @@ def report_process_and_sleep(report: Report) -> None:
     time.sleep(600.0)
 
 
-def test_a_process_does_one_job_after_the_other_and_reports_their_progress():
-    process, progress = JobProcess(), []
+@pytest.fixture
+def process() -> Iterator[JobProcess]:
+    process = JobProcess()
+    yield process
+    process.kill()
+
+
+def test_a_process_does_one_job_after_the_other_and_reports_their_progress(process):
+    progress = []
     assert process.run(partial(square, 3), progress.append).result() == 9
     assert progress == [(3, 50), (3, 100)]
     assert process.run(process_id).result() == process.run(process_id).result() != os.getpid()
@@ -80,16 +88,13 @@ def test_a_process_gives_way_to_others_also_where_the_one_that_starts_it_does_no
         (OddError, (1, 2), RuntimeError, "1 and 2"),
     ],
 )
-def test_an_error_fails_the_job_and_the_process_takes_the_next(kind, arguments, received, text):
-    process = JobProcess()
+def test_an_error_fails_the_job_and_the_process_takes_the_next(kind, arguments, received, text, process):
     error = process.run(partial(fail, kind, arguments)).exception()
     assert type(error) is received and text in str(error)
     assert process.run(partial(square, 2)).result() == 4
-    process.kill()
 
 
-def test_a_process_that_ends_fails_its_job():
-    process = JobProcess()
+def test_a_process_that_ends_fails_its_job(process):
     with pytest.raises(ProcessDiedError, match="exit code 7"):
         process.run(die).result()
     assert not process.is_alive
@@ -97,8 +102,7 @@ def test_a_process_that_ends_fails_its_job():
         process.run(process_id).result()
 
 
-def test_a_job_can_be_killed_while_it_runs_by_several_threads_at_once():
-    process = JobProcess()
+def test_a_job_can_be_killed_while_it_runs_by_several_threads_at_once(process):
     started = threading.Event()
     for _ in range(4):
         threading.Thread(target=lambda: started.wait(PATIENCE) and process.kill()).start()

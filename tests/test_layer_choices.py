@@ -1,25 +1,17 @@
 """Layers per browser: each switches its own, in its panel, by REST and by its link, and no other one sees it."""
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
 
-import msgspec
 import pytest
-from conftest import PATIENCE, Server, serving, wait_for
-from scene_reader import decoded
-from test_transport import CAMERA, PROTOCOL
-from websockets.sync.client import ClientConnection, connect
+from conftest import Server, wait_for
+from scene_reader import CAMERA, SceneSocket
 
 from app.viewer.scene.layers import DEFAULT_LAYERS, LAYERS
 
 VELOCITY = LAYERS["velocity"].label
 
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light") as server:
-        yield server
+pytestmark = pytest.mark.server("hrp2")
 
 
 class SceneOf:
@@ -27,10 +19,8 @@ class SceneOf:
 
     def __init__(self, server: Server, page: str) -> None:
         address = f"ws://{server.host}/viewer?client={page}"
-        self.socket: ClientConnection = connect(
-            address, subprotocols=[PROTOCOL], max_size=None, origin=server.url.rstrip("/")
-        )
-        self.socket.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))
+        self.socket = SceneSocket(address, origin=server.url.rstrip("/"))
+        self.socket.send(CAMERA)
         self.visible: dict[str, bool] = {}
         self.boxes: dict[str, bool] = {}
         self.uuids: dict[str, str] = {}
@@ -38,7 +28,7 @@ class SceneOf:
 
     def see(self) -> bool:
         """Take in what came."""
-        for message in decoded(self.socket.recv(PATIENCE, decode=False)):
+        for message in self.socket.read():
             self._take(message)
         return True
 
@@ -52,8 +42,7 @@ class SceneOf:
             self.visible[message["name"]] = message["visible"]
 
     def switch(self, label: str, value: bool) -> None:
-        message = {"type": "GuiUpdateMessage", "uuid": self.uuids[label], "updates": {"value": value}}
-        self.socket.send(msgspec.msgpack.encode(message))
+        self.socket.send({"type": "GuiUpdateMessage", "uuid": self.uuids[label], "updates": {"value": value}})
 
     def is_shown(self, layer: str) -> bool:
         """Whether its scene shows a layer and its switch says so."""
@@ -64,7 +53,7 @@ def test_a_switch_of_the_panel_is_for_its_own_browser(server, api):
     with ExitStack() as end:
         one, two = (SceneOf(server, page) for page in ("one", "two"))
         for scene in (one, two):
-            end.callback(scene.socket.close)
+            end.enter_context(scene.socket)
         one.switch(VELOCITY, True)
         wait_for(lambda: one.see() and one.is_shown("velocity"))
         for page, is_shown in (("one", True), ("two", False)):
@@ -79,18 +68,16 @@ def test_a_switch_of_the_panel_is_for_its_own_browser(server, api):
             one.see()
         assert one.is_shown("velocity") and one.visible.get("/w/robot", True)
         again = SceneOf(server, "one")  # as after a lost connection
-        end.callback(again.socket.close)
+        end.enter_context(again.socket)
         wait_for(lambda: again.is_shown("velocity") or not again.see())
 
 
 def test_all_browsers_and_those_to_come_are_switched_without_a_name(server, api):
     scene = SceneOf(server, "three")
-    try:
+    with scene.socket:
         api.patch("live/layers", json={"margin": True}).raise_for_status()
         wait_for(lambda: scene.see() and scene.is_shown("margin"))
         for query in ("", "?client=three", "?client=four"):
             assert api.get(f"live/layers{query}").json()["margin"] is True
         assert api.get("live/layers/defaults").json() == DEFAULT_LAYERS
-    finally:
-        scene.socket.close()
         api.patch("live/layers", json={"margin": False})

@@ -1,11 +1,14 @@
 """Every control of the page is inside the window, reachable and uncovered, at every size and in every state."""
 
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 import pytest
-from conftest import Server, wait_for
+from axe_playwright_python.sync_playwright import Axe
+from conftest import DESKTOP, PHONE, UP, Server, wait_for
 from playwright.sync_api import Page, expect
+from pointers import centre
 
 # Sizes at which something was out of reach once: tablets and phones, both ways round, with the panel and without.
 SIZES = [
@@ -194,3 +197,54 @@ def test_the_time_line_fits_every_window(page, api):
     page.locator("#time-back").click()
     sizes = [(width, height) for height in HEIGHTS for width in WIDTHS]
     assert trouble(page, sizes, "paused", FONTS, frozenset(TIME_LINE)) == []
+
+
+# With the stand-in of all tests in place of the scene.
+
+
+def opened(visit: Callable[..., Page], server: Server, **device: Any) -> Page:
+    """The page, once it tells of the robot."""
+    page = visit(server.url, **device)
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+    return page
+
+
+def test_controls_keep_to_the_scene_where_the_panel_is_beside_it(visit, server):
+    page = opened(visit, server, **DESKTOP)
+    page.get_by_role("button", name="Panel").click()
+    page.frames[1].evaluate("""document.body.innerHTML =
+        '<div data-dock-root><div style="position: absolute; inset: 0 300px 40px 0"></div></div>'""")
+    push, dock = page.get_by_test_id("push"), page.get_by_test_id("stop")
+    wait_for(lambda: centre(push)[0] < 1280 - 300 and centre(push)[1] < 800 - 40)
+    assert centre(dock)[0] == pytest.approx((1280 - 300) / 2, abs=100)
+
+
+@pytest.mark.parametrize(("device", "colours"), [(DESKTOP, "light"), (PHONE, "dark")], ids=["desktop", "phone"])
+def test_axe_finds_nothing_serious(visit, server, device, colours):
+    page = opened(visit, server, **device, color_scheme=colours, reduced_motion="reduce")
+    found = {"page": serious(page)}
+    page.get_by_role("button", name="Help").click()
+    found["help"] = serious(page)
+    page.get_by_role("button", name="Gamepad …").click()
+    found["gamepad"] = serious(page)
+    assert found == {"page": [], "help": [], "gamepad": []}
+
+
+def serious(page: Page) -> list[str]:
+    violations = Axe().run(page, options={"iframes": False}).response["violations"]
+    return [
+        f"{v['id']}: {node['target']} {node['failureSummary']}"
+        for v in violations
+        if v["impact"] in ("serious", "critical")
+        for node in v["nodes"]
+    ]
+
+
+def test_everything_is_reached_by_the_keyboard(visit, server):
+    page = opened(visit, server, **DESKTOP)
+    reached = set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    controls = {"joystick", "turn", "zero", "stop", "speed", "reset", "ring", "push", "strength", "random"}
+    assert reached >= controls | {"presets", "gamepad", "share", "save", "help", "panel"}

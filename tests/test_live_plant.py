@@ -5,13 +5,13 @@ import sys
 import numpy as np
 import pytest
 from conftest import Clock, serving
+from test_fork import recording
 
 from app.http.live_json import live_json
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
 from app.live.parameter_changes import packed_sets
 from app.live.plant_choice import suitable_plant
-from app.live.session_log import Session
 from walkcore import Parameters, Push, Reference, load_robot, record
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
@@ -111,7 +111,7 @@ def test_a_walk_in_a_world_with_a_twin_that_came_later_is_saved_and_replayed_to_
     control.change({"twin": True})
     control.push(Push([0.0, 6.0], 0.05, "world", "arm_left_5_joint", [0.0, 0.0, -0.1]))
     control.step(40)
-    saved = Session.unpacked(list(control.save(False))).recording("shoved", TALOS)
+    saved = recording(control, TALOS)
     replayed = record(saved.scenario)
     assert saved.columns == replayed.columns and "twin_com_x" in saved.columns
     np.testing.assert_array_equal(saved.rows, replayed.rows)

@@ -3,17 +3,14 @@
 import asyncio
 import json
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from types import SimpleNamespace
 
 import httpx
-import msgspec
 import numpy as np
 import pytest
-from conftest import Server, serving, wait_for
-from scene_reader import decoded, latest
-from test_transport import CAMERA
+from conftest import paused_walk, wait_for
+from scene_reader import CAMERA, SceneSocket, latest
 from websockets.sync.client import connect
 
 from app.live.session_log import Session, SessionLog
@@ -25,22 +22,13 @@ from walkcore import Command, Parameters, Push, Reference, Simulation, load_robo
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
 
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light") as server:
-        yield server
+pytestmark = pytest.mark.server("hrp2")
 
 
 @pytest.fixture
 def walk(api: httpx.Client) -> httpx.Client:
     """A paused walk of 300 ticks, with a push."""
-    api.post("live/pause")
-    api.post("live/reset")
-    api.put("live/reference", json={"vx": 0.2})
-    api.post("live/step", json={"ticks": 150})
-    api.post("live/push", json={"impulse": [0.0, 3.0]})
-    api.post("live/step", json={"ticks": 150})
+    paused_walk(api, push=3.0, nb_ticks=300)
     return api
 
 
@@ -204,7 +192,7 @@ def test_the_scene_of_the_page_that_looks_is_sent_the_past_and_no_other(server, 
         end = time.monotonic() + 2.0
         while time.monotonic() < end:
             with suppress(TimeoutError):
-                for message in decoded(socket.recv(0.1, decode=False)):
+                for message in socket.read(timeout=0.1):
                     if message.get("name") == "/w" and "position" in message:
                         places.append(-message["position"][0])
         return abs(places[-1] - x) < 0.03
@@ -214,10 +202,10 @@ def test_the_scene_of_the_page_that_looks_is_sent_the_past_and_no_other(server, 
     assert now - past > 0.2
     address = f"ws://{server.host}/viewer?client={page}"
     with (
-        connect(address, subprotocols=["viser-v1.1.1"], max_size=None, origin=server.url.rstrip("/")) as scene,
+        SceneSocket(address, origin=server.url.rstrip("/")) as scene,
         connect(server.socket_url("look?client=me")) as look,
     ):
-        scene.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))  # only then viser counts it as a client
+        scene.send(CAMERA)  # only then viser counts it as a client
         assert is_shown(scene, now)
         look.send(json.dumps({"tick": 40}))
         assert is_shown(scene, past if page == "me" else now)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from conftest import Server, serving, wait_for
+from conftest import ended, wait_for
 from playwright.sync_api import expect
 
 from app.jobs import JobProcess
@@ -29,11 +29,7 @@ SMALL = {
 }
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("server") / "data"
-    with serving("--robot", "hrp2", "--scene", "light", WALK_DATA=str(folder)) as server:
-        yield server
+pytestmark = pytest.mark.server("hrp2")
 
 
 def table_of(sweep):
@@ -63,7 +59,7 @@ def test_a_posted_sweep_is_followed_to_its_end_and_has_the_cells_of_the_command_
 @pytest.mark.exhaustive
 def test_a_click_on_a_cell_of_a_listed_sweep_leads_to_that_walk_in_3d(api, server, visit):
     sweep_id = api.post("sweeps", json=SMALL).json()["id"]
-    wait_for(lambda: api.get(f"sweeps/{sweep_id}").json()["status"] == "done")
+    assert ended(api, f"sweeps/{sweep_id}")["status"] == "done"
     page = visit(f"{server.url}static/sweeps.html", scene=None)
     page.get_by_role("link", name="what came of it").click()
     page.locator("#map .cell").first.click()
@@ -85,7 +81,7 @@ def test_a_sweep_under_way_is_cancelled_with_its_process_and_the_next_one_begins
     assert api.get(f"sweeps/{second}").json()["status"] == "queued"
     cancelled = api.delete(f"sweeps/{first}")
     assert cancelled.status_code == 200 and cancelled.json()["status"] == "cancelled"
-    wait_for(lambda: api.get(f"sweeps/{second}").json()["status"] == "done")
+    assert ended(api, f"sweeps/{second}")["status"] == "done"
     assert api.get(f"sweeps/{first}/cells.parquet").status_code == 409
 
 

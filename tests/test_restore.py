@@ -11,7 +11,6 @@ from test_fork import FAST, HRP2, LIVE, TALOS, JumpingClock, recording, run_to, 
 from app.formats import write_run
 from app.live.control import Control
 from app.live.fork import Fork
-from app.live.session_log import Session
 from app.runs import restore
 from app.runs.restore import Restore
 from app.work import WorkUnavailableError
@@ -90,8 +89,7 @@ def test_the_robot_goes_on_from_a_recorded_tick_to_the_same_bytes(case, restored
         assert again.columns == was.columns and again.rows.tobytes() == was.rows[first:].tobytes()
         comparison = control.latest.comparison
         assert comparison is not None and comparison.now == comparison.was
-        before_it = Session.unpacked(list(control.save(True))).recording("before", robot)
-        assert before_it["tick"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+        assert recording(control, robot, before_reset=True)["tick"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
 def test_a_recording_that_is_not_what_its_scenario_leads_to_is_refused(restored):

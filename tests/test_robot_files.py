@@ -1,8 +1,6 @@
 """Robots from files: what is refused, and what an imported URDF becomes."""
 
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from conftest import walk
 
 from app.live.plant_choice import suitable_plant
 from app.viewer.scene.robot_mesh import body_parts, drawn_height
 from walkcore import Command, Reference, Simulation, load_robot, robot_names
-from walkcore.errors import InvalidValueError, UnknownNameError
+from walkcore.errors import InvalidValueError
 from walkcore.motion.body_model import load_model
 from walkcore.mpc.stance import Side
 from walkcore.named_files import shipped_files
@@ -74,12 +73,6 @@ def test_a_field_that_is_missing_is_named():
     del values["max_push"]
     with pytest.raises(InvalidValueError, match=r"robot\.max_push"):
         robot_from_mapping(values, FILE)
-
-
-@pytest.mark.parametrize("name", ["nobody", "no/such/file.yaml", "", "a\0b", "x" * 5000])
-def test_a_robot_that_is_not_there_is_an_unknown_name(name):
-    with pytest.raises(UnknownNameError):
-        load_robot(name)
 
 
 def test_a_robot_file_by_path_walks_like_the_one_that_ships(tmp_path):
@@ -167,10 +160,9 @@ def test_every_robot_with_a_body_walks_in_physics(name):
     assert snapshot.plant.measured.com[0] > 0.7 * 1200 * 0.005 * robot.max_reference["vx"][1]
 
 
-def imported(tmp_path, urdf=G1.body.urdf, packages=G1.body.package_folder):
-    measured = measure(urdf, packages)
-    robot = robot_from_mapping(robot_mapping(measured, "mine", tmp_path), tmp_path / "mine.yaml")
-    return measured, robot
+def imported(tmp_path, urdf=G1.body.urdf):
+    measured = measure(urdf, G1.body.package_folder)
+    return measured, robot_from_mapping(robot_mapping(measured, "mine", tmp_path), tmp_path / "mine.yaml")
 
 
 def test_an_imported_robot_has_the_measures_of_the_one_that_ships_and_walks(tmp_path):
@@ -201,13 +193,6 @@ def test_findings_name_what_is_wrong_in_a_urdf(tmp_path):
     told = " ".join(findings(*imported(tmp_path, changed_urdf(tmp_path, lighter, weak))))
     assert "left_ankle_roll_joint and right_ankle_roll_joint weigh 0.408 and 0.608 kg" in told
     assert "left_ankle_pitch_joint takes" in told and "of 0.5 N m to stand" in told
-
-
-def test_a_foot_that_is_a_point_is_refused(tmp_path):
-    points = [(f'<origin xyz="{x} {y} -0.03" rpy="0 0 0"/>', '<origin xyz="0 0 -0.03" rpy="0 0 0"/>')
-              for x, y in ((-0.05, 0.025), (-0.05, -0.025), (0.12, 0.03), (0.12, -0.03))]  # fmt: skip
-    with pytest.raises(InvalidValueError, match="left foot.*must be flat"):
-        imported(tmp_path, changed_urdf(tmp_path, *points))
 
 
 def robots_of_the_wheel() -> Path:
@@ -271,11 +256,6 @@ def test_the_legs_may_be_named():
         find_legs(model, ("no_link", "right_ankle_roll_link"))
 
 
-def walk(*arguments):
-    return subprocess.run([str(Path(sys.executable).with_name("walk")), *map(str, arguments)],
-                          capture_output=True, text=True, check=False)  # fmt: skip
-
-
 def test_walk_import_writes_a_file_that_can_be_loaded(tmp_path):
     out = tmp_path / "mine.yaml"
     done = walk("import", G1.body.urdf, "--out", out)
@@ -283,5 +263,4 @@ def test_walk_import_writes_a_file_that_can_be_loaded(tmp_path):
     assert load_robot(out).name == "mine" and "33.3 kg" in done.stdout
     (tmp_path / "broken.urdf").write_text("<robot>")
     refused = walk("import", tmp_path / "broken.urdf", "--out", out)
-    assert refused.returncode == 2 and "\nwalk: urdf" in refused.stderr  # behind what the URDF parser says itself
-    assert "Traceback" not in refused.stderr
+    assert refused.returncode == 2 and "\nwalk: urdf" in refused.stderr  # behind what it is doing

@@ -12,8 +12,8 @@ import httpx
 import pytest
 import websockets.sync.client
 import yaml
-from conftest import Server, serving, wait_for
-from playwright.sync_api import Browser, Route, expect
+from conftest import Server, ended, serving, wait_for
+from playwright.sync_api import expect
 
 from app.robot_choices import RobotChoices
 from walkcore import load_robot
@@ -145,8 +145,7 @@ def test_no_robot_is_changed_while_the_control_process_starts_again(api):
 
 def test_runs_may_name_robots_of_the_folder(api):
     run = api.post("runs", json={"robot": "small", "duration": 0.5}).raise_for_status().json()
-    wait_for(lambda: api.get(f"runs/{run['id']}").json()["status"] in ("done", "failed"))
-    run = api.get(f"runs/{run['id']}").json()
+    run = ended(api, f"runs/{run['id']}")
     assert (run["status"], run["robot"]) == ("done", "small")
     parameters = api.get(f"runs/{run['id']}/run.json").json()["parameters"]
     assert parameters["mass"] == 30.0
@@ -180,59 +179,44 @@ def test_a_folder_is_read_anew_at_every_call(tmp_path):
 
 
 @pytest.mark.exhaustive
-def test_pages_follow_a_robot_that_is_chosen_in_one_of_them(api, server, browser: Browser):
-    context = browser.new_context()
-    scenes: list[str] = []
-
-    def refuse_scene(route: Route) -> None:  # which would take the time of the test to draw
-        scenes.append(route.request.url)
-        route.abort()
-
-    context.route("**/viewer/?*", refuse_scene)
-    try:
-        one, other = context.new_page(), context.new_page()
-        for page in (one, other):
-            page.goto(server.url)
-            expect(page.locator("#robot")).to_have_text(HRP2["title"])
-        assert len(scenes) == 2
-        one.get_by_test_id("robots").select_option("small")
-        for page in (one, other):
-            expect(page.locator("#robot")).to_have_text("Small")
-            expect(page.locator("#strength")).to_have_attribute("max", "9")
-            expect(page.get_by_test_id("robots")).to_have_value("small")
-        assert len(scenes) == 4, "each has loaded the scene of the other robot"
-        expect(one.get_by_role("button", name=f"Save {HRP2['title']}’s walk")).to_be_visible()
-        other.locator("#share").click()
-        expect(other.locator(".notice", has_text="robot small")).to_be_visible()
-        api.put("live/robot", json={"robot": "hrp2"}).raise_for_status()
-        expect(one.locator("#robot")).to_have_text(HRP2["title"])
-        linked = context.new_page()
-        linked.goto(f"{server.url}?robot=small")
-        linked.get_by_role("button", name="Apply").click()
-        expect(other.locator("#robot")).to_have_text("Small")
-    finally:
-        context.close()
-
-
-def test_pushes_of_the_page_are_in_proportion_to_the_robot(api, server, browser: Browser):
-    context = browser.new_context()
-    context.route("**/viewer/?*", lambda route: route.abort())
-    try:
-        page = context.new_page()
+def test_pages_follow_a_robot_that_is_chosen_in_one_of_them(api, server, visit):
+    one, scenes = visit(server.url), []
+    other = one.context.new_page()
+    for page in (one, other):
+        page.on("request", lambda request: scenes.append(request.url) if "/viewer/?" in request.url else None)
         page.goto(server.url)
-        strength = page.locator("#strength")
-        expect(strength).to_have_value("12")
-        expect(strength).to_have_attribute("max", "60")
-        api.put("live/robot", json={"robot": "small"}).raise_for_status()
-        expect(strength).to_have_value("1.8")  # of 9 N s, in tenths
-        page.locator("#presets").click()
-        page.get_by_role("button", name="Shove it", exact=True).click()
-        wait_for(lambda: api.get("live").json()["last_push"] is not None)
-        impulse = math.hypot(*api.get("live").json()["last_push"]["impulse"])
-        scenario = next(s for s in api.get("scenarios").json() if s["name"] == "pushes-while-standing")
-        first = next(event["push"]["impulse"] for event in scenario["events"] if "push" in event)
-        talos = next(robot for robot in api.get("robots").json() if robot["name"] == scenario["robot"])
-        assert impulse == pytest.approx(math.hypot(*first) * 9.0 / talos["limits"]["push"])
-        expect(page.locator(".notice[data-level=bad]")).to_have_count(0)
-    finally:
-        context.close()
+        expect(page.locator("#robot")).to_have_text(HRP2["title"])
+    assert len(scenes) == 2
+    one.get_by_test_id("robots").select_option("small")
+    for page in (one, other):
+        expect(page.locator("#robot")).to_have_text("Small")
+        expect(page.locator("#strength")).to_have_attribute("max", "9")
+        expect(page.get_by_test_id("robots")).to_have_value("small")
+    assert len(scenes) == 4, "each has loaded the scene of the other robot"
+    expect(one.get_by_role("button", name=f"Save {HRP2['title']}’s walk")).to_be_visible()
+    other.locator("#share").click()
+    expect(other.locator(".notice", has_text="robot small")).to_be_visible()
+    api.put("live/robot", json={"robot": "hrp2"}).raise_for_status()
+    expect(one.locator("#robot")).to_have_text(HRP2["title"])
+    linked = one.context.new_page()
+    linked.goto(f"{server.url}?robot=small")
+    linked.get_by_role("button", name="Apply").click()
+    expect(other.locator("#robot")).to_have_text("Small")
+
+
+def test_pushes_of_the_page_are_in_proportion_to_the_robot(api, server, visit):
+    page = visit(server.url)
+    strength = page.locator("#strength")
+    expect(strength).to_have_value("12")
+    expect(strength).to_have_attribute("max", "60")
+    api.put("live/robot", json={"robot": "small"}).raise_for_status()
+    expect(strength).to_have_value("1.8")  # of 9 N s, in tenths
+    page.locator("#presets").click()
+    page.get_by_role("button", name="Shove it", exact=True).click()
+    wait_for(lambda: api.get("live").json()["last_push"] is not None)
+    impulse = math.hypot(*api.get("live").json()["last_push"]["impulse"])
+    scenario = next(s for s in api.get("scenarios").json() if s["name"] == "pushes-while-standing")
+    first = next(event["push"]["impulse"] for event in scenario["events"] if "push" in event)
+    talos = next(robot for robot in api.get("robots").json() if robot["name"] == scenario["robot"])
+    assert impulse == pytest.approx(math.hypot(*first) * 9.0 / talos["limits"]["push"])
+    expect(page.locator(".notice[data-level=bad]")).to_have_count(0)

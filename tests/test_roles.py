@@ -1,40 +1,30 @@
 """Roles: the operator's token may do everything, the viewer's only look; places for those who look are bounded."""
 
 import time
-from typing import Any
 
 import httpx
-import msgspec
 import pytest
-import viser
-from conftest import PATIENCE, Server, serving, wait_for
+from conftest import PATIENCE, Server, bearer, serving, wait_for
 from playwright.sync_api import expect
 from pydantic import ValidationError
-from scene_reader import decoded
-from test_client_messages import CAMERA, set_value
+from scene_reader import CAMERA, SceneSocket, controls
+from test_client_messages import set_value
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 from app.http.wrong_tokens import FREE, LONGEST, MAX_ADDRESSES, WrongTokens
 from app.settings import Settings
 
 OPERATOR, VIEWER = "operator-token", "viewer-token"
 pytestmark = pytest.mark.server("hrp2", WALK_TOKEN=OPERATOR, WALK_VIEW_TOKEN=VIEWER, SPECTATORS="2")
-PROTOCOL: Any = f"viser-v{viser.__version__}"
-
-
-def bearer(token: str) -> dict[str, str]:
-    return {"Authorization": f"Bearer {token}"}
 
 
 def requests(server: Server, token: str) -> httpx.Client:
     return httpx.Client(base_url=server.url, headers=bearer(token), timeout=PATIENCE)
 
 
-def scene(server: Server, token: str) -> ClientConnection:
-    """The scene's websocket."""
-    address = f"ws://{server.host}/viewer"
-    return connect(address, subprotocols=[PROTOCOL], additional_headers=bearer(token), compression=None, max_size=None)
+def scene(server: Server, token: str) -> SceneSocket:
+    return SceneSocket(f"ws://{server.host}/viewer", additional_headers=bearer(token))
 
 
 def operations(server: Server) -> list[tuple[str, str]]:
@@ -70,27 +60,16 @@ def test_a_viewer_does_not_drive(server):
 
 def test_a_viewer_moves_no_slider_of_the_panel(server):
     with scene(server, VIEWER) as viewer, scene(server, OPERATOR) as operator, requests(server, OPERATOR) as api:
-        controls = {m["props"]["label"]: m["uuid"] for m in whole_scene(viewer) if "label" in m.get("props", {})}
-        whole_scene(operator)
-        forward = controls["forward [m/s]"]
-        viewer.send(msgspec.msgpack.encode(set_value(forward, value=0.2)))
-        viewer.send(msgspec.msgpack.encode(CAMERA))
-        operator.send(msgspec.msgpack.encode(set_value(forward, value=0.1)))
+        forward = controls(viewer.beginning())["forward [m/s]"]
+        operator.beginning()
+        viewer.send(set_value(forward, value=0.2))
+        viewer.send(CAMERA)
+        operator.send(set_value(forward, value=0.1))
         wait_for(lambda: api.get("api/v1/live").json()["driver"] == "sliders")
         assert api.get("api/v1/live").json()["reference_vx"] == 0.1
 
 
-def whole_scene(socket: ClientConnection) -> list[dict[str, Any]]:
-    """Messages of the scene's beginning."""
-    socket.send(msgspec.msgpack.encode(CAMERA))
-    messages: list[dict[str, Any]] = []
-    while not any(message["type"] == "ReplayDoneMessage" for message in messages):
-        batch: Any = socket.recv(timeout=PATIENCE)
-        messages += decoded(batch)
-    return messages
-
-
-def seated(server: Server) -> ClientConnection:
+def seated(server: Server) -> SceneSocket:
     """A viewer's scene, opened as soon as those of earlier tests are gone."""
     end = time.monotonic() + PATIENCE
     while True:
@@ -103,12 +82,12 @@ def seated(server: Server) -> ClientConnection:
 def test_places_are_bounded_and_an_operator_finds_one_always(server):
     with seated(server), seated(server), requests(server, VIEWER) as viewer:
         with pytest.raises((InvalidStatus, ConnectionClosed)), scene(server, VIEWER) as third:
-            third.recv(timeout=PATIENCE)
+            third.read()
         full = viewer.get("")
         assert full.status_code == 503 and "places are taken" in full.text and int(full.headers["retry-after"]) > 0
         with scene(server, OPERATOR) as operator, requests(server, OPERATOR) as client:
             assert client.get("").status_code == 200
-            assert operator.recv(timeout=PATIENCE)
+            assert operator.read()
     with requests(server, VIEWER) as viewer:
         wait_for(lambda: viewer.get("").status_code == 200)
 

@@ -147,6 +147,13 @@ def mortal() -> Iterator[Runner]:
     runner.stop()
 
 
+def kill_and_wait(mortal: Runner) -> None:
+    """Kill the control process, and wait until another one is in its place."""
+    os.kill(mortal.process_id, signal.SIGKILL)
+    wait_for(lambda: mortal.trouble != "")
+    wait_for(lambda: mortal.trouble == "")
+
+
 def test_a_killed_control_process_is_reported_refuses_and_starts_again_where_it_was(mortal):
     mortal.change({"cop_margin": 0.02}).result(PATIENCE)
     mortal.drive(Reference(vx=0.1), "rest")
@@ -158,12 +165,13 @@ def test_a_killed_control_process_is_reported_refuses_and_starts_again_where_it_
     wait_for(lambda: "SIGKILL" in mortal.latest.fault)
     before = mortal.latest
     assert not before.running
-    with pytest.raises(NoResponseError):
-        mortal.pause().result(PATIENCE)
-    with pytest.raises(NoResponseError):
-        mortal.push(Push([0.0, 1.0]))
-    with pytest.raises(NoResponseError):
-        mortal.drive(Reference(vx=0.1), "rest")
+    for command in (
+        lambda: mortal.pause().result(PATIENCE),
+        lambda: mortal.push(Push([0.0, 1.0])),
+        lambda: mortal.drive(Reference(vx=0.1), "rest"),
+    ):
+        with pytest.raises(NoResponseError):
+            command()
     for begin_anew in (mortal.reset, lambda: mortal.choose_plant("ideal"), lambda: mortal.begin({}, {})):
         with pytest.raises(NoResponseError):
             begin_anew().result(PATIENCE)
@@ -191,9 +199,7 @@ def test_the_parameters_in_force_are_known_though_nobody_waits_for_the_response(
 
 def test_a_paused_robot_is_paused_at_the_same_tick_after_its_process_was_killed(mortal):
     tick = mortal.pause().result(PATIENCE).snapshot.tick
-    os.kill(mortal.process_id, signal.SIGKILL)
-    wait_for(lambda: mortal.trouble != "")
-    wait_for(lambda: mortal.trouble == "")
+    kill_and_wait(mortal)
     assert (mortal.latest.snapshot.tick, mortal.latest.running) == (tick, False)
     assert mortal.step(1).result(PATIENCE).snapshot.tick == tick + 1
 
@@ -203,9 +209,7 @@ def test_a_control_process_that_is_killed_again_and_again_comes_back_at_rest(mor
     mortal.set_speed(0.5).result(PATIENCE)
     mortal.pause().result(PATIENCE)
     for _ in range(2):
-        os.kill(mortal.process_id, signal.SIGKILL)
-        wait_for(lambda: mortal.trouble != "")
-        wait_for(lambda: mortal.trouble == "")
+        kill_and_wait(mortal)
     state = mortal.latest
     assert (state.snapshot.tick, state.running, state.speed) == (0, False, 0.5)
     assert mortal.step(1).result(PATIENCE).snapshot.tick == 1

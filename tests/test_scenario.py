@@ -4,17 +4,17 @@ import math
 import numpy as np
 import pytest
 
-from walkcore import Reference, load_scenario, record, scenario_names
+from walkcore import Reference, load_scenario, record
 from walkcore.errors import InvalidValueError, UnknownNameError
 from walkcore.scenario.scenario import scenario_from_mapping
 
 SHORT = {"robot": "hrp2", "duration": 2.0, "parameters": {"control_period": 0.1}}
-
-
-def test_every_scenario_that_ships_can_be_read():
-    assert "herdt-2010-section-6" in scenario_names()
-    for name in scenario_names():
-        assert load_scenario(name).name == name
+CONTRACT = """
+    tick t com_x com_y com_z com_vx com_vy com_ax com_ay jerk_x jerk_y cop_x cop_y true_cop_x true_cop_y
+    reference_vx reference_vy reference_yaw_rate phase support_side support_x support_y support_yaw
+    samples_on_support foothold_x foothold_y foothold_yaw foothold2_x foothold2_y foothold2_yaw time_to_touchdown
+    left_x left_y left_z left_yaw right_x right_y right_z right_yaw push_x push_y status
+""".split()  # columns of a recording
 
 
 def test_references_hold_and_pushes_come_once():
@@ -103,16 +103,12 @@ def test_a_recording_reads_back_to_what_was_written(tmp_path):
 
 
 def test_columns_are_those_of_the_contract():
-    contract = """tick t com_x com_y com_z com_vx com_vy com_ax com_ay jerk_x jerk_y cop_x cop_y true_cop_x true_cop_y
-    reference_vx reference_vy reference_yaw_rate phase support_side support_x support_y support_yaw samples_on_support
-    foothold_x foothold_y foothold_yaw foothold2_x foothold2_y foothold2_yaw time_to_touchdown
-    left_x left_y left_z left_yaw right_x right_y right_z right_yaw push_x push_y status"""
     more = "steps_to_stand com_offset_x com_offset_y step_duration next_step_duration foothold3_yaw foothold4_yaw"
     recording = record(scenario_from_mapping(SHORT))
-    assert recording.columns == (*contract.split(), *more.split())
+    assert recording.columns == (*CONTRACT, *more.split())
     talos = record(scenario_from_mapping(SHORT | {"robot": "talos", "duration": 0.1}))
     assert talos.columns == (
-        *contract.split(),
+        *CONTRACT,
         *(f"q_{i}" for i in range(39)),
         *more.split(),
     )

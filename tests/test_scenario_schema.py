@@ -115,7 +115,9 @@ def test_every_scenario_that_ships_fits_the_published_schema():
     schema = json.loads(json.dumps(scenario_schema(), allow_nan=False))
     jsonschema.Draft202012Validator.check_schema(schema)
     for name in scenario_names():
-        jsonschema.validate(dict(load_scenario(name).source), schema)
+        scenario = load_scenario(name)
+        assert scenario.name == name
+        jsonschema.validate(dict(scenario.source), schema)
 
 
 def test_the_schema_says_what_each_parameter_is():

@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from test_fork import JumpingClock, recording
 
 from app.live import session_log
-from app.live.control import MAX_TICK_TIME, Control, NothingToSaveError
+from app.live.control import Control, NothingToSaveError
 from app.live.live_state import ReferenceCommand
 from app.live.session_log import Session, SessionLog
 from walkcore import Command, Parameters, Push, Reference, Simulation, load_robot
@@ -16,7 +17,6 @@ from walkcore.simulation import NOT_IN_TIME
 from walkcore.stages import time_of_solves
 
 LIVE = Parameters(initial_double_support_duration=0.3, dynamic_filter=True)
-TALOS = load_robot("talos")
 
 
 def drive(control: Control, nb_ticks: int, seed: int) -> None:
@@ -29,18 +29,20 @@ def drive(control: Control, nb_ticks: int, seed: int) -> None:
         if rng.random() < 0.02:
             control.push(Push(rng.uniform(-4.0, 4.0, 2), rng.uniform(0.0, 0.1)))
         if rng.random() < 0.04:
-            control.change({"alpha": float(10 ** rng.uniform(-6, -4))})
+            values = {"alpha": float(10 ** rng.uniform(-6, -4)), "step_duration": float(rng.choice([0.6, 0.8, 1.0]))}
+            control.change(values)
         control.tick()
         control.tidy()
 
 
-@pytest.mark.parametrize("nb_ticks", [150, 330])
-def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
-    monkeypatch.setattr(session_log, "KEPT", 1.0)  # so that the longer one has lost its beginning
-    control = Control(TALOS, LIVE, lambda _: None)
+@pytest.mark.parametrize(("name", "nb_ticks"), [("talos", 150), ("talos", 330), ("hrp2", 330)])
+def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, name, nb_ticks):
+    monkeypatch.setattr(session_log, "KEPT", 1.0)  # so that the longer ones have lost their beginning
+    robot = load_robot(name)
+    control = Control(robot, LIVE, lambda _: None)
     control.start()
     drive(control, nb_ticks, seed=1)
-    driven = Session.unpacked(list(control.save(False))).recording("driven", TALOS)
+    driven = recording(control, robot)
     nb_kept = len(driven.rows)
     assert driven["tick"][-1] == nb_ticks and nb_kept == min(
         nb_ticks + 1, 200 + 1 + nb_ticks % session_log.TICKS_PER_SEGMENT
@@ -52,22 +54,10 @@ def test_what_was_driven_replays_to_the_same_bytes(monkeypatch, nb_ticks):
     assert replayed.run_json() == driven.run_json()
 
 
-class JumpingClock:
-    """A clock that stands still, but now and then jumps by more than a tick may take."""
-
-    def __init__(self, seed: int) -> None:
-        self._rng, self._now = np.random.default_rng(seed), 0.0
-
-    def __call__(self) -> float:
-        if self._rng.random() < 0.01:
-            self._now += 2.0 * MAX_TICK_TIME
-        return self._now
-
-
 @pytest.mark.parametrize("changed", [{}, {"solver": "daqp"}, {"step_timing": "adaptive"}], ids=str)
 def test_ticks_that_ran_out_of_time_are_replayed_as_they_were(changed):
     hrp2, parameters = load_robot("hrp2"), LIVE.changed({"dynamic_filter": False, "control_period": 0.02} | changed)
-    control = Control(hrp2, parameters, lambda _: None, JumpingClock(seed=1))
+    control = Control(hrp2, parameters, lambda _: None, JumpingClock())
     control.start()
     reasons = set[str]()
     for tick in range(300):
@@ -77,7 +67,7 @@ def test_ticks_that_ran_out_of_time_are_replayed_as_they_were(changed):
             control.push(Push([2.0, 3.0]))
         control.tick()
         reasons.add(control.latest.snapshot.reason)
-    driven = Session.unpacked(list(control.save(False))).recording("driven", hrp2)
+    driven = recording(control, hrp2)
     source = json.loads(json.dumps(driven.scenario.source))
     assert NOT_IN_TIME in reasons and sum("solves_in_time" in event for event in source["events"]) > 5
     assert record(scenario_from_mapping(source)).rows.tobytes() == driven.rows.tobytes()
@@ -108,7 +98,7 @@ def test_the_outcome_of_a_push_on_the_page_is_that_in_the_metrics_of_the_saved_w
         control.tick()
         if (push := control.latest.last_push) is not None:
             shown[push.t] = (push.impulse, push.time, push.steps)
-    driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
+    driven = recording(control, load_robot("hrp2"))
     measured = {p["t"]: (p["impulse"], p["time"], p["steps"]) for p in driven.metrics()["pushes"]}
     assert measured == shown and all(steps > 0 for _, _, steps in shown.values())
 
@@ -122,7 +112,7 @@ def test_changes_where_one_segment_ends_and_the_next_begins_are_in_the_scenario(
         control.change({"alpha": 1e-5 * (i + 1)})
         control.change({"beta": 1.0 + i})
     control.step(1)
-    driven = Session.unpacked(list(control.save(False))).recording("driven", load_robot("hrp2"))
+    driven = recording(control, load_robot("hrp2"))
     found = [(change["tick"], change["parameters"]["alpha"]) for change in driven.parameter_changes]
     assert found == [(session_log.TICKS_PER_SEGMENT * (i + 1), 1e-5 * (i + 1)) for i in range(5)]
     assert record(driven.scenario).rows.tobytes() == driven.rows.tobytes()

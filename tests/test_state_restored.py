@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_fork import recording
 
 from app.live import session_log
 from app.live.control import Control
 from app.live.live_state import LiveState, ReferenceCommand
-from app.live.session_log import Session
 from walkcore import Command, Parameters, Push, Reference, Simulation, WalkError, load_robot
 from walkcore.errors import InvalidValueError
 from walkcore.mpc.plan import Status
@@ -52,8 +52,8 @@ def drive(simulation: Simulation, rng: np.random.Generator, nb_ticks: int) -> No
         simulation.step(Command(reference, push))
 
 
-def next_ticks(simulation: Simulation, nb_ticks: int = 8) -> list[bytes]:
-    snapshots = [simulation.step(Command(WALK)) for _ in range(nb_ticks)]
+def next_ticks(simulation: Simulation) -> list[bytes]:
+    snapshots = [simulation.step(Command(WALK)) for _ in range(8)]
     return [s.com.matrix.tobytes() + (b"" if s.q is None else s.q.tobytes()) for s in snapshots]
 
 
@@ -101,7 +101,7 @@ def test_a_walk_is_saved_long_after_a_fall_and_again_during_the_stop(monkeypatch
     control.push(Push([0.0, ROBOTS[name].max_push]))
     control.step(200)
     assert control.latest.snapshot.status is Status.FALLEN
-    driven = Session.unpacked(list(control.save(False))).recording("fallen", ROBOTS[name])
+    driven = recording(control, ROBOTS[name])
     assert driven["status"][0] == driven["status"][-1] == Status.FALLEN
     scenario = scenario_from_mapping(json.loads(json.dumps(driven.scenario.source, allow_nan=False)))
     assert record(scenario).rows.tobytes() == driven.rows.tobytes()

@@ -31,12 +31,11 @@ from walkcore.scenario.scenario import scenario_from_mapping
 from walkcore.state import state_from_mapping
 
 TALOS = replace(load_robot("talos"), body=None)
-STILL = Reference()
 FAST = {"control_period": 0.02, "solver": "daqp"}
 
 
-def in_place(step_timing, **values):
-    """A steady walk in place at the tick of a touchdown."""
+def in_place(step_timing, later=0, **values):
+    """A steady walk in place at the tick of a touchdown, or some ticks later."""
     simulation = Simulation(TALOS, Parameters(stepping_in_place=True, step_timing=step_timing, **FAST | values))
     before = simulation.step()
     while before.t < 4.0 or (before.phase, simulation.preview(Command()).phase) != (
@@ -44,16 +43,18 @@ def in_place(step_timing, **values):
         Phase.DOUBLE_SUPPORT,
     ):
         before = simulation.step()
+    for _ in range(later):
+        simulation.step()
     return simulation
 
 
-def pushed(simulation, impulse, seconds=4.0, reference=STILL):
+def pushed(simulation, impulse, seconds=4.0):
     """The snapshots after a push, up to a fall."""
-    snapshots = [simulation.step(Command(reference, Push(impulse)))]
+    snapshots = [simulation.step(Command(push=Push(impulse)))]
     for _ in range(round(seconds / simulation.parameters.control_period)):
         if snapshots[-1].status is Status.FALLEN:
             break
-        snapshots.append(simulation.step(Command(reference)))
+        snapshots.append(simulation.step())
     return snapshots
 
 
@@ -79,9 +80,7 @@ DIRECTIONS = [(math.cos(k * math.pi / 4), math.sin(k * math.pi / 4)) for k in ra
 def test_it_survives_what_fixed_steps_do_and_more(phase):
     survived = {}
     for step_timing in ("fixed", "adaptive"):
-        simulation = in_place(step_timing)
-        for _ in range(round(phase * 0.8 / 0.02)):
-            simulation.step()
+        simulation = in_place(step_timing, later=round(phase * 0.8 / 0.02))
         state = simulation.state
         for direction in DIRECTIONS[::2]:
             for impulse in (20.0, 28.0):
@@ -95,9 +94,7 @@ def test_it_survives_what_fixed_steps_do_and_more(phase):
 
 @pytest.mark.parametrize("phase", [0.0, 0.7])
 def test_no_push_beyond_the_bound_is_survived(phase):
-    simulation = in_place("adaptive")
-    for _ in range(round(phase * 0.8 / 0.02)):
-        simulation.step()
+    simulation = in_place("adaptive", later=round(phase * 0.8 / 0.02))
     state, before = simulation.state, simulation.preview(Command())
     for direction in DIRECTIONS[4::3]:
         bound = largest_impulse(before, TALOS, 0.1, np.array(direction), StepClass())
@@ -106,9 +103,7 @@ def test_no_push_beyond_the_bound_is_survived(phase):
 
 
 def test_the_bound_is_larger_for_sooner_touchdowns_than_on_schedule():
-    simulation = in_place("fixed")
-    for _ in range(10):
-        simulation.step()
+    simulation = in_place("fixed", later=10)
     before = simulation.preview(Command())
     on_schedule = StepClass(durations=(0.8,), is_adaptive=False)
     for direction in DIRECTIONS[::2]:
@@ -116,25 +111,21 @@ def test_the_bound_is_larger_for_sooner_touchdowns_than_on_schedule():
         assert 0.0 < fixed <= free + 1e-6
 
 
+@pytest.fixture(scope="module")
 def hurried():
-    """A walk in place whose step a push has shortened, in the middle of its flight."""
-    simulation = in_place("adaptive", control_period=0.005)
-    for _ in range(70):
-        simulation.step()
-    return simulation, pushed(simulation, [0.0, -30.0], 4.0)
+    """The snapshots of a walk in place whose step a push has shortened, in the middle of its flight."""
+    return pushed(in_place("adaptive", later=70, control_period=0.005), [0.0, -30.0])
 
 
-def test_a_push_shortens_a_step_and_later_steps_take_their_usual_time_again():
-    _, snapshots = hurried()
-    durations = [s.step_duration for s in snapshots]
+def test_a_push_shortens_a_step_and_later_steps_take_their_usual_time_again(hurried):
+    durations = [s.step_duration for s in hurried]
     assert min(durations) < 0.79
-    assert durations[-1] == pytest.approx(0.8) and snapshots[-1].next_step_duration == pytest.approx(0.8)
-    assert snapshots[-1].status is Status.SOLVED
+    assert durations[-1] == pytest.approx(0.8) and hurried[-1].next_step_duration == pytest.approx(0.8)
+    assert hurried[-1].status is Status.SOLVED
 
 
-def test_no_sample_lies_inside_a_double_support():
-    _, snapshots = hurried()
-    for s in snapshots:
+def test_no_sample_lies_inside_a_double_support(hurried):
+    for s in hurried:
         times, touchdown = s.plan.times, s.time_to_touchdown
         for start in (touchdown, touchdown - s.step_duration, touchdown + s.next_step_duration):
             assert not np.any((times > start + 1e-9) & (times < start + 0.1 - 1e-9))
@@ -163,9 +154,7 @@ def test_height_and_vertical_velocity_of_a_foot_are_continuous_through_every_ret
 
 
 def test_a_state_in_the_middle_of_a_hurried_step_is_restored_exactly():
-    simulation = in_place("adaptive", control_period=0.005)
-    for _ in range(70):
-        simulation.step()
+    simulation = in_place("adaptive", later=70, control_period=0.005)
     pushed(simulation, [0.0, -30.0], 0.05)
     mapping = simulation.state.to_mapping()
     assert mapping["gait"]["retiming"] is not None and mapping["flight"] is not None
@@ -183,10 +172,10 @@ def test_the_qp_of_every_solved_tick_can_be_rebuilt_from_the_recording(tmp_path)
     story = {"name": "pushed", "robot": "hrp2", "duration": 9.0, "parameters": parameters, "events": events}
     recording = record(scenario_from_mapping(story))
     run = Oracle(recording.parameters, {name: recording[name] for name in recording.columns})
-    hurried = (run["step_duration"] < 0.79) | (run["next_step_duration"] < 0.79)
+    is_hurried = (run["step_duration"] < 0.79) | (run["next_step_duration"] < 0.79)
     solved = np.flatnonzero((run["status"] == 0) & ~np.isnan(run["time_to_touchdown"]))
-    checked = [*solved[::9], *np.intersect1d(solved, np.flatnonzero(hurried))[::3]]
-    assert np.count_nonzero(hurried[checked]) >= 5
+    checked = [*solved[::9], *np.intersect1d(solved, np.flatnonzero(is_hurried))[::3]]
+    assert np.count_nonzero(is_hurried[checked]) >= 5
     for k in checked:
         footholds, _ = run.footholds(k)
         decided = np.array([[run[f"foothold{n}_{a}"][k] for a in "xy"] for n in ("", "2")])[: len(footholds)]

@@ -96,17 +96,6 @@ def test_a_biped_of_any_size_walks_turns_stops_and_takes_a_push_as_imported(tmp_
     assert np.hypot(*snapshot.com.velocity) < 0.02
 
 
-def test_it_walks_in_contact_physics_at_half_the_speed_that_was_guessed(tmp_path):
-    pytest.importorskip("mujoco", reason="mujoco-core is not installed on this platform")
-    robot = imported(tmp_path, 1.0)
-    simulation = Simulation(robot, robot.parameters.changed({"plant": "mujoco", "dynamic_filter": True}))
-    speed = 0.5 * robot.max_reference["vx"][1]
-    for _ in range(800):
-        snapshot = simulation.step(Command(Reference(vx=speed)))
-        assert snapshot.status.name != "FALLEN", snapshot.reason
-    assert snapshot.plant.measured.com[0] > 0.7 * 4.0 * speed
-
-
 def test_it_is_drawn_by_its_boxes(tmp_path, viser_server: viser.ViserServer):
     robot = imported(tmp_path, 0.35)
     scene = Scene(viser_server, robot, LIGHT)

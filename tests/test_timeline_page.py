@@ -1,26 +1,78 @@
-"""The time line of the page: looking back, tick by tick and playing, and going on from there."""
+"""Time on the page: it stops, passes by ticks and more slowly, is looked back at on its time line, and goes on."""
 
 import base64
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import httpx
 import pytest
-from conftest import Server, wait_for
+from conftest import DESKTOP, UP, Server, live, paused_walk, wait_for
 from playwright.sync_api import FilePayload, Page, expect
 
 DOCK = "<!doctype html><html><body><div data-dock-root><div></div></div></body></html>"
 
 
 @pytest.fixture
+def present(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Page:
+    """The page without a scene, and a robot that runs."""
+    page = visit(server.url, **DESKTOP)
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+    return page
+
+
+def test_time_stops_and_passes_tick_by_tick(present, api):
+    page = present
+    one_tick = page.get_by_role("button", name="1 tick")
+    expect(one_tick).to_be_hidden()
+    page.keyboard.press("p")
+    expect(one_tick).to_be_visible()
+    tick = live(api)["tick"]
+    one_tick.click()
+    wait_for(lambda: live(api)["tick"] == tick + 1)
+    page.keyboard.press("p")
+    expect(one_tick).to_be_hidden()
+    wait_for(lambda: live(api)["tick"] > tick + 20)
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("status")).to_contain_text("paused")
+    assert live(api)["running"] is False
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("status")).to_contain_text(UP)
+
+
+def test_samples_speed_and_both_times(present, api):
+    page = present
+    page.keyboard.press("p")
+    start = api.post("live/reset").json()
+    page.get_by_role("button", name="1 sample").click()
+    wait_for(lambda: live(api)["t"] == pytest.approx(start["t"] + 0.1))
+    page.get_by_test_id("speed").select_option(label="1/4 ×")
+    wait_for(lambda: live(api)["speed"] == 0.25)
+    page.keyboard.press("p")
+    wait_for(lambda: live(api)["t"] > 0.5)
+    expect(page.locator("#factor")).to_have_text(re.compile(r"0\.[12]\d"))
+    expect(page.locator("#real-time")).to_have_text(re.compile(r"of 0:0\d\.\d"))
+    api.post("live/speed", json={"factor": 0.3})
+    expect(page.get_by_test_id("speed")).to_have_value("0.3")  # as somebody else chose
+    page.get_by_test_id("speed").select_option(label="1 ×")
+    wait_for(lambda: live(api)["speed"] == 1.0)
+
+
+def test_last_minute_is_saved_with_links_to_its_files(present, api, server):
+    page = present
+    wait_for(lambda: live(api)["tick"] > 50)
+    page.get_by_role("button", name="Save").click()
+    notices = page.locator("#notices")
+    expect(notices).to_contain_text("Saved the last")
+    link = notices.get_by_role("link", name="CSV").get_attribute("href")
+    header = httpx.get(f"{server.url.removesuffix('/')}{link}").raise_for_status().text.splitlines()[0]
+    assert header.startswith("tick,t,com_x")
+
+
+@pytest.fixture
 def page(visit: Callable[..., Page], server: Server, api: httpx.Client) -> Page:
     """The page without a scene, and a paused walk with a push at tick 151."""
-    api.post("live/pause")
-    api.post("live/reset")
-    api.put("live/reference", json={"vx": 0.2})
-    api.post("live/step", json={"ticks": 150})
-    api.post("live/push", json={"impulse": [0.0, 6.0]})
-    api.post("live/step", json={"ticks": 249})
+    paused_walk(api, push=6.0, nb_ticks=399)
     page = visit(server.url, DOCK)
     expect(page.locator("#state")).to_have_text("paused")
     page.keyboard.press("t")

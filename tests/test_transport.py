@@ -9,15 +9,12 @@ from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 import viser
 from conftest import PATIENCE, wait_for
-from scene_reader import decoded
-from viser import _messages
+from scene_reader import CAMERA, PROTOCOL, SceneSocket, decoded
 from websockets.asyncio.client import unix_connect
-from websockets.sync.client import connect as connect_blocking
 
 from app.live.live_state import LiveState
 from app.live.tick_scheduler import TickScheduler
@@ -32,10 +29,6 @@ from app.viewer.viewer import spare_light_clients
 from walkcore import Command, Parameters, Reference, Simulation, load_robot
 
 SETTLED = 0.5  # [s] after which a client has what it gets of its own
-PROTOCOL: Any = f"viser-v{viser.__version__}"
-CAMERA = _messages.ViewerCameraMessage(
-    (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.7, 0.1, 10.0, 100, 100, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-)
 
 
 def test_only_what_changed_is_sent():
@@ -199,8 +192,8 @@ def own_suns(server: viser.ViserServer, path: str, is_settled: Callable[[Any], b
     """
     address = f"ws://127.0.0.1:{server.get_port()}{path}"
     earlier = set(server.get_clients())  # which may not have noticed that they are gone
-    with connect_blocking(address, subprotocols=[PROTOCOL], max_size=None) as browser:
-        browser.send(msgspec.msgpack.encode(CAMERA.as_serializable_dict()))
+    with SceneSocket(address) as browser:
+        browser.send(CAMERA)
         wait_for(lambda: bool(set(server.get_clients()) - earlier))
         (new,) = set(server.get_clients()) - earlier
         client = server.get_clients()[new]
@@ -224,7 +217,7 @@ def test_only_light_clients_are_spared_the_shadows(viser_server):
 
 def test_scene_tells_which_page_it_belongs_to_until_it_is_closed(viser_server, clients):
     pages: list[str] = []
-    viser_server.on_client_connect(lambda client: pages.append(clients.page(client)))
+    viser_server.on_client_connect(lambda client: pages.append(clients.page(client.client_id)))
     own_suns(viser_server, "/?client=mine", lambda _: pages == ["mine"])
     wait_for(lambda: not clients.is_open("mine"))
     own_suns(viser_server, "/", lambda _: pages == ["mine", ""])

@@ -4,7 +4,7 @@ import io
 import json
 import pickle
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from conftest import PATIENCE, Server, serving
+from conftest import PATIENCE
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from websockets.sync.client import connect
@@ -26,6 +26,8 @@ from app.runs.upload import TakeUpload, UploadLimits
 from walkcore.errors import InvalidValueError
 from walkcore.scenario.recording import record
 from walkcore.scenario.scenario import scenario_from_mapping
+
+pytestmark = pytest.mark.server("hrp2", UPLOADS_MAX_BYTES="400000")
 
 LIMITS = UploadLimits(bytes=400_000, ticks=300)
 WALK = {
@@ -266,12 +268,6 @@ def test_a_broken_file_is_read_or_refused(folder, tmp_path, name, places, end):
 
 
 # By REST
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with serving("--robot", "hrp2", "--scene", "light", UPLOADS_MAX_BYTES="400000") as server:
-        yield server
 
 
 def sent(api: httpx.Client, content: Any, **query: str) -> httpx.Response:

@@ -4,14 +4,13 @@ import time
 
 import numpy as np
 import pytest
-from conftest import PATIENCE, wait_for
+from conftest import PATIENCE, SMALL_PHONE, wait_for
 from playwright.sync_api import expect
 from pointers import Finger, Mouse, centre
 
 from app.viewer.scene.layers import LAYERS
 
 LOSE_FOCUS = "window.dispatchEvent(new Event('blur'))"
-PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
 
 
 def chest_of(page):
@@ -44,7 +43,7 @@ def assert_right_and_back(push):
 
 @pytest.mark.exhaustive
 def test_finger_that_drags_the_body_pushes_it_that_way(visit_scene, api):
-    page = visit_scene(is_strict=False, **PHONE)
+    page = visit_scene(is_strict=False, **SMALL_PHONE)
     assert_right_and_back(push_by(Finger(page), chest_of(page), api))
     assert_panel_covers_nothing(page)
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import viser
 from conftest import PATIENCE, wait_for
-from scene_reader import decoded
+from scene_reader import PROTOCOL, SceneSocket, decoded
 from viser import _messages
-from websockets.sync.client import connect, unix_connect
+from websockets.sync.client import unix_connect
 
 from app.viewer.transport import viser_private
 from app.viewer.transport.broadcaster import Encoder
@@ -87,35 +87,15 @@ def test_no_client_can_open_a_tunnel(viser_server):
     assert _messages.ShareUrlRequest not in handlers, changed("unregister_handler")
 
 
-class Browser:
-    """Client of a viser server that reads its messages."""
-
-    def __init__(self, server: viser.ViserServer, path: str = "/") -> None:
-        protocol: Any = f"viser-v{viser.__version__}"
-        address = f"ws://127.0.0.1:{server.get_port()}{path}"
-        self._socket = connect(address, subprotocols=[protocol], compression=None, max_size=None)
-        self.messages: list[dict[str, Any]] = []
-
-    def __enter__(self) -> "Browser":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.close()
-
-    def read_until(self, kind: str) -> dict[str, Any]:
-        while True:
-            for message in self.messages:
-                if message["type"] == kind:
-                    return message
-            batch: Any = self._socket.recv(timeout=PATIENCE)
-            self.messages = decoded(batch)
+def browser(server: viser.ViserServer, path: str = "/") -> SceneSocket:
+    return SceneSocket(f"ws://127.0.0.1:{server.get_port()}{path}")
 
 
 def test_a_client_is_known_by_its_path_and_has_the_whole_scene_after_the_end_of_the_replay(viser_server):
     for k in range(300):  # more than one window of messages
         viser_server.scene.add_frame(f"/frame_{k}")
-    with Browser(viser_server, "/light?client=mine") as browser:
-        browser.read_until("ReplayDoneMessage")
+    with browser(viser_server, "/light?client=mine") as end:
+        end.beginning()
         ((client, connection),) = viser_private.connections(viser_server).items()
         assert viser_private.requested_path(viser_server, client) == "/light?client=mine", changed("requests")
         assert connection.transport.get_write_buffer_size() == 0, changed("the connections of clients")
@@ -140,11 +120,10 @@ CHANGES: dict[str, tuple[str, Any, Callable[[SceneUpdates, Any], None]]] = {
 
 def sent_by_viser(server: viser.ViserServer, kind: str, handle: Any, field: str, value: Any) -> dict[str, Any]:
     """Message that viser sends when a property of a handle is assigned."""
-    with Browser(server) as browser:
-        browser.read_until("ReplayDoneMessage")
-        browser.messages = []
+    with browser(server) as end:
+        end.beginning()
         setattr(handle, field, value)
-        return plain(browser.read_until(kind))
+        return plain(end.first(kind))
 
 
 @pytest.mark.parametrize("kind", CHANGES)
@@ -178,10 +157,10 @@ def test_quantised_mesh_is_the_mesh_of_the_public_way(viser_server):
     look["receive_shadow"] = False
     viser_private.add_mesh(viser_server.scene, "/ours", vertices, faces, 0.25, **look)
     viser_server.scene.add_mesh_simple("/theirs", 0.25 * vertices, faces, **look)
-    with Browser(viser_server) as browser:
-        browser.read_until("ReplayDoneMessage")
+    with browser(viser_server) as end:
+        messages = end.beginning()
         ours, theirs = (
-            next(m for m in browser.messages if m.get("name") == name and m["type"] == "MeshMessage")["props"]
+            next(m for m in messages if m.get("name") == name and m["type"] == "MeshMessage")["props"]
             for name in ("/ours", "/theirs")
         )
     assert ours["vertices"].reshape(-1, 3) * ours["scale"] == pytest.approx(theirs["vertices"].reshape(-1, 3))
@@ -214,9 +193,8 @@ def test_controls_forms_and_commands_are_found_by_the_ids_in_messages(viser_serv
     with viser_server.gui.add_form(None) as form:
         pass
     command: Any = viser_server.gui.add_command("command")
-    with Browser(viser_server) as browser:
-        browser.read_until("ReplayDoneMessage")
-        ids: Any = {message["type"]: message.get("uuid") for message in browser.messages}
+    with browser(viser_server) as end:
+        ids: Any = {message["type"]: message.get("uuid") for message in end.beginning()}
     assert viser_private.input_handle(viser_server, ids["GuiCheckboxMessage"]) is box, changed("the handles by id")
     assert viser_private.container(viser_server, ids["GuiFormMessage"]) is form, changed("the containers by id")
     assert viser_private.command_exists(viser_server, ids["RegisterCommandMessage"]), changed("the commands by id")
@@ -228,8 +206,7 @@ def test_a_server_can_be_made_to_listen_on_a_unix_socket(tmp_path):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         assert (tmp_path / "socket").is_socket(), changed("how it begins to listen: websockets' serve")
-        protocol: Any = f"viser-v{viser.__version__}"
-        with unix_connect(str(tmp_path / "socket"), subprotocols=[protocol], compression=None, max_size=None) as end:
+        with unix_connect(str(tmp_path / "socket"), subprotocols=[PROTOCOL], compression=None, max_size=None) as end:
             assert decoded(end.recv(timeout=PATIENCE))  # pyright: ignore[reportArgumentType]
     finally:
         server.stop()

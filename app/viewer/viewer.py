@@ -198,7 +198,7 @@ class Viewer:
             self.cost.add()
 
     def _show(self, elapsed: float) -> None:
-        self.scene.shown = self.layers.drawn({self._clients.page_of(client) for client in self.broadcaster.clients})
+        self.scene.shown = self.layers.drawn({self._clients.page(client) for client in self.broadcaster.clients})
         if PUSH_ROSE in self.scene.shown:
             self._runner.push_roses.request()
         state = self._runner.look()
@@ -210,7 +210,7 @@ class Viewer:
         self.broadcaster.send(self.scene.updates, others, self._own_updates)
 
     def _own_updates(self, client_id: int) -> SceneUpdates:
-        return self.layers.updates(self._clients.page_of(client_id))
+        return self.layers.updates(self._clients.page(client_id))
 
     def _show_past(self, elapsed: float) -> dict[int, SceneUpdates]:
         """Draw for the pages that look at the past; the changes for their scenes, by the ids of these."""

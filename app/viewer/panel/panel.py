@@ -102,7 +102,7 @@ class DriveTab:
         self._runner, self._clients, self._lease = runner, clients, lease
         self._sliders = {name: self._add_slider(server, name) for name in SLIDERS}
         zero = server.gui.add_button("Zero", hint="Ask the robot to stop")
-        zero.on_click(lambda event: self._drive(Reference(), event))
+        zero.on_click(lambda event: self._drive(Reference(), event.client))
         server.gui.add_markdown("Drag the robot to push it where you hold it; Esc lets go.")
 
     def _add_slider(self, server: viser.ViserServer, name: str) -> viser.GuiSliderHandle[float]:
@@ -123,25 +123,21 @@ class DriveTab:
         @slider.on_update
         def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # not set by `update`
-                self._drive(Reference(**{key: float(handle.value) for key, handle in self._sliders.items()}), event)
+                values = {key: float(handle.value) for key, handle in self._sliders.items()}
+                self._drive(Reference(**values), event.client)
 
         return slider
 
-    def _drive(self, reference: Reference, event: viser.GuiEvent[Any]) -> None:
-        page = "" if event.client is None else self._clients.page(event.client)
+    def _drive(self, reference: Reference, client: viser.ClientHandle | None) -> None:
+        page = "" if client is None else self._clients.page(client.client_id)
         try:
             if reference != Reference():  # zero stops the robot, whoever drives
                 self._lease.check(page)
-        except LeaseHeldError as refusal:
-            if event.client is not None:
-                event.client.add_notification("Not driven", str(refusal), color="red", auto_close_seconds=NOTICE)
-            return
-        # A client may send any value, whatever range its slider shows.
-        try:
+            # A client may send any value, whatever range its slider shows.
             self._runner.drive(self._runner.robot.clamped_reference(reference), DRIVER, client=page)
-        except NoResponseError as refusal:
-            if event.client is not None:
-                event.client.add_notification("Not driven", str(refusal), color="red", auto_close_seconds=NOTICE)
+        except (LeaseHeldError, NoResponseError) as refusal:
+            if client is not None:
+                client.add_notification("Not driven", str(refusal), color="red", auto_close_seconds=NOTICE)
 
     def update(self, state: LiveState) -> None:
         """Show the reference of another driver; name no client any more once the one that moved the sliders is gone."""
@@ -186,7 +182,7 @@ class ViewTab:
         @button.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:  # async: in the loop that draws
             if event.client is not None:
-                self.layers.switch(self._clients.page(event.client), layers)
+                self.layers.switch(self._clients.page(event.client.client_id), layers)
 
 
 class SystemTab:

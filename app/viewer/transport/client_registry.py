@@ -31,12 +31,8 @@ class ClientRegistry:
         """Whether a client renders in software and is to be sent a scene without shadows."""
         return urlsplit(requested_path(self._server, client.client_id)).path == LIGHT_PATH
 
-    def page(self, client: viser.ClientHandle) -> str:
+    def page(self, client_id: int) -> str:
         """Id of the page that a client's scene belongs to, as its controls send it; "" for a scene without a page."""
-        return self._pages.get(client.client_id, "")
-
-    def page_of(self, client_id: int) -> str:
-        """Id of the page that a scene belongs to, by the id of its client; "" for a scene without a page."""
         return self._pages.get(client_id, "")
 
     def scenes(self, page: str) -> list[int]:
