@@ -318,7 +318,6 @@ def test_whatever_happens_to_server_and_disk_no_run_is_lost(tmp_path, recording)
     machine.TestCase.settings = settings(
         max_examples=25,
         stateful_step_count=20,
-        deadline=None,
         derandomize=True,
         suppress_health_check=list(HealthCheck),
     )

@@ -272,7 +272,6 @@ def test_whatever_happens_the_server_goes_on_and_says_what_is_wrong(tmp_path, nb
         machine.TestCase.settings = settings(
             max_examples=nb_examples,
             stateful_step_count=nb_steps,
-            deadline=None,
             derandomize=True,
             phases=[Phase.explicit, Phase.generate],  # what went before is part of a failure: nothing to shrink
             suppress_health_check=list(HealthCheck),

@@ -142,7 +142,7 @@ def test_the_limits_are_what_they_say(tmp_path, text, is_read):
 
 # By hypothesis
 
-FUZZ = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+FUZZ = settings(max_examples=100, suppress_health_check=list(HealthCheck), derandomize=True)
 KEYS = ("name", "robot", "duration", "parameters", "initial_state", "events", "expect", "t", "push", "impulse")
 YAML_TEXT = st.lists(
     st.sampled_from(

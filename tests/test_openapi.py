@@ -47,7 +47,7 @@ def test_every_refusal_has_the_one_shape(server):
 
 
 def try_out(operation: Any, mode: GenerationMode, nb_examples: int) -> None:
-    @settings(max_examples=nb_examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=nb_examples, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(case=operation.as_strategy(generation_mode=mode))
     def send(case: Any) -> None:
         case.call_and_validate(timeout=PATIENCE, excluded_checks=ANSWERED)

@@ -69,7 +69,7 @@ def examples(test: Any) -> Any:
 
 
 @examples
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(CHANGES)
 def test_any_change_is_made_whole_or_refused_with_its_field(values):
     before = Parameters()

@@ -22,7 +22,7 @@ def test_half_planes_are_the_convex_hull(vertices, x, y):
 
 
 @pytest.mark.exhaustive
-@settings(max_examples=5000, deadline=None)
+@settings(max_examples=5000)
 @given(st.lists(st.tuples(anywhere, anywhere), min_size=3, max_size=8), anywhere, anywhere)
 def test_half_planes_are_the_convex_hull_of_corners_that_nearly_coincide(vertices, x, y):
     assert_is_hull(vertices, x, y)

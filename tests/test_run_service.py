@@ -190,7 +190,7 @@ plain = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=100, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(
     path=st.sampled_from(
         [("name",), ("robot",), ("duration",), ("parameters",), ("events",), ("events", 0), ("more",)]

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from walkcore.motion.swing_foot import standing, swing, swing_height
@@ -37,7 +37,6 @@ def test_the_foot_lands_at_rest_on_its_foothold():
 coordinate = st.floats(-0.5, 0.5)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=20), st.floats(-1.0, 1.0))
 def test_no_late_change_within_the_speed_bound_makes_the_foot_faster_than_it(decided, yaw):
     c, s = np.cos(yaw), np.sin(yaw)

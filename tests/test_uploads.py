@@ -249,7 +249,7 @@ def test_a_run_json_that_does_not_fit_is_refused(folder, take, change, field):
     assert refusal.value.field == field
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=100, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(
     name=st.sampled_from(["recording.npz", "walk.zip", "recording.csv"]),
     places=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=5),
