@@ -324,12 +324,13 @@ def test_the_button_at_the_dial_draws_the_rose_in_its_own_browser_as_the_panel_d
         rose.click()
     expect(rose).to_have_attribute("aria-pressed", "true")
     layers = switched.value.url.removeprefix(f"{page.url}api/v1/")
-    assert "client=" in layers and api.get(layers).json()["push_rose"]
+    assert "client=" in layers
+    wait_for(lambda: api.get(layers).json()["push_rose"])
     assert not api.get("live/layers").json()["push_rose"], "nobody else sees it"
     expect(other.get_by_test_id("rose")).to_have_attribute("aria-pressed", "false")
     page.keyboard.press("n")
     expect(rose).to_have_attribute("aria-pressed", "false")
-    assert not api.get(layers).json()["push_rose"]
+    wait_for(lambda: not api.get(layers).json()["push_rose"])
     api.patch(layers, json={"push_rose": True})  # as a switch of the panel does, in the scene's frame
     page.frame_locator("#viewer").locator("#root").dispatch_event("click")
     expect(rose).to_have_attribute("aria-pressed", "true")
