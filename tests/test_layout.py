@@ -203,7 +203,10 @@ def test_the_time_line_fits_every_window(page, api):
 
 
 def opened(visit: Callable[..., Page], server: Server, **device: Any) -> Page:
-    """The page, once it tells of the robot."""
+    """The page, once it tells of the robot, which tests before may have left paused or fallen."""
+    with server.client() as api:
+        api.post("live/resume")
+        api.post("live/reset")
     page = visit(server.url, **device)
     expect(page.get_by_test_id("status")).to_contain_text(UP)
     return page
