@@ -74,6 +74,7 @@ def test_a_phone_drives_the_next_one_waits_and_nobody_stays_when_the_screen_goes
         assert api.put("live/reference", json={}).status_code == 200
 
 
+@pytest.mark.exhaustive
 def test_a_phone_whose_messages_wait_while_it_goes_leaves_no_trace_in_the_log(server, api):
     with connect(server.socket_url("booth/screen")), phone(server, api, "gone") as gone:
         told(gone, place=0)

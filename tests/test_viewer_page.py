@@ -48,6 +48,7 @@ def test_finger_that_drags_the_body_pushes_it_that_way(visit_scene, api):
     assert_panel_covers_nothing(page)
 
 
+@pytest.mark.exhaustive
 def test_mouse_that_drags_the_body_pushes_it_that_way_unless_escape_or_a_lost_focus_lets_go(visit_scene, api):
     page = visit_scene(is_strict=False)
     pointer, chest = Mouse(page), chest_of(page)
