@@ -43,6 +43,7 @@ def test_time_stops_and_passes_tick_by_tick(present, api):
 def test_samples_speed_and_both_times(present, api):
     page = present
     page.keyboard.press("p")
+    wait_for(lambda: not live(api)["running"])
     start = api.post("live/reset").json()
     page.get_by_role("button", name="1 sample").click()
     wait_for(lambda: live(api)["t"] == pytest.approx(start["t"] + 0.1))
