@@ -21,7 +21,11 @@ def test_the_sample_motion_scaled_to_a_robot_keeps_every_promise(name):
     scenario = scaled(SAMPLE_MOTION, load_robot(name))
     recording = record(replace(scenario, parameters=scenario.parameters.changed({"control_period": COARSE})))
     kept = {verdict.name: verdict.holds for verdict in recording.verdicts()}
-    assert set(kept) == set(PROMISES)
+    if scenario.parameters.step_timing == "fixed":
+        assert np.all(recording["status"] == 0)
+        assert set(kept) == {*PROMISES, "max_ticks_relaxed", "max_recovery_steps"}
+    else:  # it takes other plans, and more steps, where the paper's fixed steps would fall
+        assert name == "g1" and set(kept) == set(PROMISES)
     assert all(kept.values()), kept
     model = Simulation(scenario.robot).body.model
     q = np.column_stack([recording[f"q_{i}"] for i in range(7, model.nq)])
@@ -74,7 +78,7 @@ def test_a_reference_beyond_the_limits_of_the_robot_keeps_its_direction_and_its_
 def test_what_is_expected_of_another_robot_has_no_lengths_of_the_first():
     walk = scenario_for("talos", expect={"not_fallen": True, "min_distance_x": 9.0, "max_recovery_steps": 2})
     assert [e.name for e in scaled(walk, load_robot("hrp2")).expectations] == [
-        "not_fallen", "min_cop_margin",
+        "not_fallen", "min_cop_margin", "max_recovery_steps",
     ]  # fmt: skip
     fall = scenario_for("talos", expect={"not_fallen": False, "max_recovery_steps": 2})
     assert scaled(fall, load_robot("g1")).source["expect"] == {"not_fallen": False}

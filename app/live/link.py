@@ -39,7 +39,7 @@ EXPIRY = 5.0  # [s] after which a request that has not been begun is dropped
 MAX_REQUESTS = 64  # under way at once
 
 TakeItem = Callable[[Any], object] | None
-"""What each item of a response is given to, in the thread that receives responses; None drops them."""
+"""Function that takes each item of a response, in the thread that receives responses; None drops them."""
 
 
 class ControlLink:

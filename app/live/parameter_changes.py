@@ -30,7 +30,7 @@ RESPONSE_TIMEOUT = 30.0  # [s] for the control process to make a change it has t
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """A change that waits, and the promise of the parameters that it leads to."""
+    """A change that waits, and the future of the parameters that it leads to."""
 
     values: Mapping[str, Any]
     response: "Future[Parameters]"

@@ -84,11 +84,11 @@ def sole_vertices(sole: Matrix, foot: Footstep) -> Matrix:
 
 
 def on_side(side: Side, vertices: Matrix) -> Matrix:
-    """What belongs to the foot of a side, in a foot's frame, shape (V, 2) [m].
+    """A sole, or a foothold region, of the foot of a side, shape (V, 2) [m].
 
     Args:
-        side: of that foot; of a foothold region that of the foot which lands.
-        vertices: of the left foot; those of the right one are their mirror image.
+        side: of that foot; for a foothold region, of the foot which lands.
+        vertices: the left foot's, in a foot's frame; the right foot's are their mirror image.
     """
     return vertices if side is Side.LEFT else mirrored(vertices)
 

@@ -154,7 +154,7 @@ class ViableSets:
 
 
 viable_sets = lru_cache(maxsize=16)(ViableSets)
-"""The same object for the same arguments: a change of other parameters during a walk asks for the same sets again."""
+"""`ViableSets` by their arguments, the latest kept: a change of other parameters asks for the same sets again."""
 
 
 def _share_of_present_cop(x: Vector) -> Vector:

@@ -56,17 +56,14 @@ class WalkingQP:
     """Normal of the edge that each row keeps it behind, shape (r, 2)."""
 
     def with_more_reach(self, more: Vector) -> "WalkingQP":
-        """The same, where the foot in the air reaches farther (30).
+        """This QP, where the foot in the air reaches farther (30).
 
         Args:
             more: distance along x and y of the support foot's frame, negative for less [m], shape (2,).
         """
-        if not len(self.point_of_row) or not self.supports.foothold_regions:
-            return self
         qp = self.qp
         lower, upper = qp.lower.copy(), qp.upper.copy()
-        lower[-2:] -= more  # the last two rows are those of the flight
-        upper[-2:] += more
+        _reach_farther(lower, upper, more, self.supports)
         return replace(self, qp=QP(qp.P, qp.q, qp.G, lower, upper))
 
 
@@ -120,8 +117,16 @@ def walking_qp(phase: PhaseMatrices, supports: Supports, reach: Vector, inputs: 
     """
     k = inputs.matrix
     rows = phase.constraints.rows(supports.edges, k)
+    _reach_farther(rows.lower, rows.upper, reach, supports)
     qp = QP(phase.Q, (phase.J @ k).T.ravel(), rows.G, rows.lower, rows.upper)
-    return WalkingQP(qp, phase.preview, supports, k, phase.constraints.point, rows.normals).with_more_reach(reach)
+    return WalkingQP(qp, phase.preview, supports, k, phase.constraints.point, rows.normals)
+
+
+def _reach_farther(lower: Vector, upper: Vector, more: Vector, supports: Supports) -> None:
+    """Widen the bounds of the flight (30), which are the last two where a foothold is to be chosen, in place."""
+    if len(lower) and supports.foothold_regions:
+        lower[-2:] -= more
+        upper[-2:] += more
 
 
 def viable_qp(walking: WalkingQP) -> QP | None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from walkcore.errors import InvalidValueError
+from walkcore.parameters import Parameters
 from walkcore.robot import Robot
 from walkcore.scenario.scenario import Scenario, scenario_from_mapping
 
@@ -29,6 +30,8 @@ PROMISES: Mapping[str, float | bool] = {
 }
 """Expectations that any robot with a body keeps on a walk within its limits, in the ideal model."""
 OF_THE_BODY = ("max_com_error", "max_sole_error", "max_speed_use")
+COUNTS = ("ticks_relaxed", "recovery_steps", "pushes_unrecovered")
+"""Metrics without a unit, whose bounds hold for a robot of any size that times its steps alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +46,8 @@ class Scale:
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """The scenario for another robot; itself for its own one.
 
-    Its expectations, which belong to the proportions of the first robot, give way to the promises of any robot: how
-    many steps a push takes depends on how wide its soles are for its height, which no scale changes.
+    Its expectations that are lengths, speeds or times of the first robot give way to the promises of any robot. Its
+    counts stay, but for a robot with another step timing: one that hurries its steps takes more, by other plans.
 
     Args:
         scenario: as it was written.
@@ -59,7 +62,8 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     source = scenario.source
     if source.get("initial_state") is not None:
         raise InvalidValueError("initial_state", scenario.robot.name, f"is no state of {robot.name}: leave it out")
-    scale = _scale(scenario, robot)
+    parameters = robot.parameters.changed(source.get("parameters") or {})
+    scale = _scale(scenario, robot, parameters)
     events = [_event(f"events[{i}]", event, scale, robot) for i, event in enumerate(source.get("events") or [])]
     slowest = min((share for _, share in events), default=1.0)
     note = f"Scaled to {robot.title}: speeds by {scale.speed:.2f} (Froude number), durations by {scale.time:.2f}"
@@ -72,15 +76,15 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
             "robot": robot.source,
             "duration": round(scenario.duration * scale.time, DIGITS),
             "events": [event for event, _ in events],
-            "expect": _expectations(scenario, robot),
+            "expect": _expectations(scenario, robot, parameters),
         }
     )
 
 
-def _scale(scenario: Scenario, robot: Robot) -> Scale:
-    before, p = scenario.robot, robot.parameters.changed(scenario.source.get("parameters") or {})
-    speed = before.pendulum(scenario.parameters).omega / robot.pendulum(p).omega  # sqrt(g h) is g / omega
-    time = p.step_duration / scenario.parameters.step_duration
+def _scale(scenario: Scenario, robot: Robot, parameters: Parameters) -> Scale:
+    before = scenario.robot
+    speed = before.pendulum(scenario.parameters).omega / robot.pendulum(parameters).omega  # sqrt(g h) is g / omega
+    time = parameters.step_duration / scenario.parameters.step_duration
     return Scale(speed, time, robot.mass / before.mass * speed)
 
 
@@ -112,19 +116,21 @@ def _push(where: str, push: Mapping[str, Any], scale: Scale, robot: Robot) -> di
         raise InvalidValueError(f"{where}.push.link", push["link"], limit)
     strength = scale.impulse * math.hypot(*push["impulse"])
     factor = scale.impulse * (min(1.0, robot.max_push / strength) if strength > 0.0 else 1.0)
-    impulse = [
-        math.trunc(factor * part * 10**DIGITS) / 10**DIGITS for part in push["impulse"]
-    ]  # rounded up it might be too strong
+    # Rounded up it might be too strong.
+    impulse = [math.trunc(factor * part * 10**DIGITS) / 10**DIGITS for part in push["impulse"]]
     duration = {"duration": push["duration"] * scale.time} if "duration" in push else {}
     return dict(push) | {"impulse": impulse} | duration
 
 
-def _expectations(scenario: Scenario, robot: Robot) -> dict[str, float | bool]:
-    """Expectations of the other robot's walk: its promises; that it falls, where that is expected."""
+def _expectations(scenario: Scenario, robot: Robot, parameters: Parameters) -> dict[str, float | bool]:
+    """Expectations of the other robot's walk: its promises and the counts; that it falls, where that is expected."""
     expected: Mapping[str, float | bool] = scenario.source.get("expect") or {}
     if expected.get("not_fallen") is False:
         return {"not_fallen": False}
     without = () if robot.body is not None else OF_THE_BODY
     if not any(event.push for event in scenario.events):
         without = (*without, "max_pushes_unrecovered")
-    return {key: bound for key, bound in PROMISES.items() if key not in without}
+    promises = {key: bound for key, bound in PROMISES.items() if key not in without}
+    if parameters.step_timing != scenario.parameters.step_timing:
+        return promises
+    return promises | {key: bound for key, bound in expected.items() if key[4:] in COUNTS}
